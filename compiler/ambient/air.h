@@ -1,0 +1,41 @@
+// What the lattice asks of the world, so that it can be tried in worlds with closed-form answers: where air is, what
+// sees what, and which light arrives. air_of() answers from the BSP and the baked light.
+#pragma once
+#include "compiler/ambient/ambient.h"
+#include <functional>
+
+namespace kiln::ambient {
+
+constexpr std::uint32_t kNoLeaf = UINT32_MAX;
+struct AirPart {           // an open leaf that may reach into a box
+    std::uint32_t leaf = kNoLeaf;
+    Box3 bounds;           // of the leaf, clipped to the box
+};
+struct AirHit {
+    double distance = 0;   // map units
+    Vec3 normal;           // unit, of the face hit
+    bool back = false;     // met from behind: the ray started in something solid
+};
+struct DirectLight {
+    Vec3 direction;        // unit, towards the light
+    Rgbd irradiance;       // on a plane facing it, were it not occluded
+};
+
+struct Air {
+    Box3 bounds;                                                      // all air lies in it; may be empty
+    std::function<std::vector<AirPart>(const Box3&)> parts;           // sorted by leaf
+    std::function<std::uint32_t(Vec3)> leaf_of;                       // kNoLeaf: not air
+    std::function<std::optional<AirHit>(Vec3 origin, Vec3 unit_direction)> closest;
+    std::function<bool(Vec3 from, Vec3 to)> clear;                    // symmetric
+    std::function<void(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival&)> rest; // all but entity lights
+    std::uint32_t light_count = 0;
+    std::function<std::optional<DirectLight>(std::uint32_t light, Vec3 point)> direct;
+    std::function<bool(std::uint32_t light, Vec3 point)> light_clear; // does the light reach the point?
+};
+
+Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, const std::vector<Light>& lights,
+           const LightField& field);
+// The lattice over that air. `place_ambient` is build_lattice(air_of(...)).
+Ambient build_lattice(const Air& air, const AmbientOptions& options, Context& context);
+
+} // namespace kiln::ambient

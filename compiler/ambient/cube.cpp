@@ -1,0 +1,83 @@
+#include "compiler/ambient/cube.h"
+#include "libs/core/hash.h"
+#include <numbers>
+
+namespace kiln::ambient {
+
+Cube6 operator+(const Cube6& a, const Cube6& b) {
+    Cube6 c{};
+    for (std::size_t f = 0; f < 6; ++f) c[f] = a[f] + b[f];
+    return c;
+}
+Cube6 operator-(const Cube6& a, const Cube6& b) {
+    Cube6 c{};
+    for (std::size_t f = 0; f < 6; ++f) c[f] = a[f] - b[f];
+    return c;
+}
+Cube6 operator*(const Cube6& a, double s) {
+    Cube6 c{};
+    for (std::size_t f = 0; f < 6; ++f) c[f] = a[f] * s;
+    return c;
+}
+double dot(const Cube6& a, const Cube6& b) {
+    double sum = 0;
+    for (std::size_t f = 0; f < 6; ++f) sum += kiln::dot(a[f], b[f]);
+    return sum;
+}
+
+void add(Cube6& cube, Vec3 direction, Rgbd weight) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        cube[2 * axis] += weight * cube_kernel(direction[axis]);
+        cube[2 * axis + 1] += weight * cube_kernel(-direction[axis]);
+    }
+}
+
+void gather(const Air& air, Vec3 point, std::uint32_t rays, std::uint64_t seed, Gathered& into) {
+    const double old_share = double(into.rays) / double(into.rays + rays);
+    std::uint64_t half = 0;
+    for (Cube6* side : {&into.a, &into.b}) {
+        Cube6 sum{};
+        air.rest(point, rays / 2, mix(seed, std::uint64_t(into.rays), half++),
+                 [&](Vec3 direction, Rgbd weight) { add(sum, direction, weight); });
+        *side = *side * old_share + sum * (1 - old_share);
+    }
+    into.rays += rays;
+}
+
+std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, double gathered_irradiance, std::uint64_t& rays) {
+    std::vector<LitBy> lights;
+    double left = 0;
+    for (std::uint32_t i = 0; i < air.light_count; ++i)
+        if (const auto direct = air.direct(i, point); direct && max_component(direct->irradiance) > 0) {
+            lights.push_back({i, *direct});
+            left += mean(direct->irradiance);
+        }
+    std::sort(lights.begin(), lights.end(), [](const LitBy& a, const LitBy& b) {
+        const double ea = mean(a.direct.irradiance), eb = mean(b.direct.irradiance);
+        return ea != eb ? ea > eb : a.light < b.light;
+    });
+    constexpr double kFaint = 0.002;
+    std::vector<LitBy> reaching;
+    double arrived = gathered_irradiance;
+    for (const LitBy& light : lights) {
+        if (left <= kFaint * arrived) break;
+        const double e = mean(light.direct.irradiance);
+        left -= e, ++rays;
+        if (!air.light_clear(light.light, point)) continue;
+        arrived += e;
+        reaching.push_back(light);
+    }
+    return reaching;
+}
+
+std::vector<Vec3> spread_directions(std::size_t n) {
+    std::vector<Vec3> directions(n);
+    const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
+    for (std::size_t i = 0; i < n; ++i) {
+        const double z = 1 - (2 * double(i) + 1) / double(n), r = std::sqrt(1 - z * z), phi = golden * double(i);
+        directions[i] = {r * std::cos(phi), r * std::sin(phi), z};
+    }
+    return directions;
+}
+
+} // namespace kiln::ambient

@@ -1,0 +1,127 @@
+#include "compiler/ambient/separate.h"
+
+namespace kiln::ambient {
+
+namespace {
+
+struct Plane {
+    Vec3 normal;
+    double distance = 0;
+};
+
+// Pairs (row-major, symmetric) of points that do not see each other.
+class Blocked {
+public:
+    Blocked(const Air& air, const std::vector<Vec3>& points) : count_(points.size()), blocked_(count_ * count_, 0) {
+        for (std::size_t i = 0; i < count_; ++i)
+            for (std::size_t j = i + 1; j < count_; ++j)
+                blocked_[i * count_ + j] = blocked_[j * count_ + i] = !air.clear(points[i], points[j]);
+    }
+    bool operator()(std::size_t i, std::size_t j) const { return blocked_[i * count_ + j]; }
+    std::size_t among(const std::vector<std::uint32_t>& set) const {
+        std::size_t n = 0;
+        for (std::size_t i = 0; i < set.size(); ++i)
+            for (std::size_t j = i + 1; j < set.size(); ++j) n += (*this)(set[i], set[j]);
+        return n;
+    }
+
+private:
+    std::size_t count_;
+    std::vector<char> blocked_;
+};
+
+// The plane in the middle of the wall that a meets on its way to b: as far from the air on both sides as can be.
+std::optional<Plane> wall_between(const Air& air, Vec3 a, Vec3 b) {
+    constexpr double kInto = 1e-3, kMostHalf = 8; // map units
+    const Vec3 way = b - a;
+    const double far = length(way);
+    if (!(far > 0)) return std::nullopt;
+    const auto hit = air.closest(a, way / far);
+    if (!hit || hit->distance > far) return std::nullopt;
+    const Vec3 into = -hit->normal;
+    const Vec3 start = a + way * (hit->distance / far) + into * kInto;
+    const auto out = air.closest(start, into);
+    const double half = out && out->back ? std::min(out->distance / 2, kMostHalf) : 0;
+    return Plane{hit->normal, dot(hit->normal, start + into * half)};
+}
+
+Side side_of(std::vector<std::uint32_t> samples, const std::vector<std::uint8_t>& sees) {
+    Side side;
+    side.common = 0xFF;
+    for (const std::uint32_t s : samples) side.common &= sees[s], side.any |= sees[s];
+    if (samples.empty()) side.common = 0;
+    side.samples = std::move(samples);
+    return side;
+}
+
+} // namespace
+
+bool Sides::single_valued() const {
+    for (const Side& side : sides)
+        if (side.common == 0 || side.common != side.any) return false;
+    return true;
+}
+
+Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vector<std::uint8_t>& sees,
+               std::size_t most) {
+    Sides result;
+    std::vector<std::uint32_t> left(points.size());
+    for (std::size_t i = 0; i < left.size(); ++i) left[i] = static_cast<std::uint32_t>(i);
+    const Side whole = side_of(left, sees);
+    if (whole.common == whole.any || most <= 1) {
+        result.sides.push_back(whole);
+        return result;
+    }
+    const Blocked blocked(air, points);
+    result.rays = points.size() * (points.size() - 1) / 2;
+    while (result.sides.size() + 1 < most) {
+        const std::size_t crossings = blocked.among(left);
+        if (crossings == 0) break;
+        // Candidate walls: between each point and the nearest one it does not see. The best leaves the fewest pairs on
+        // one side that do not see each other; the side that is peeled off is the more whole of the two.
+        std::size_t best_score = crossings;
+        std::optional<Plane> best;
+        std::vector<std::uint32_t> best_behind, best_front;
+        std::vector<Plane> tried;
+        for (const std::uint32_t i : left) {
+            std::optional<std::uint32_t> nearest;
+            double least = 1e300;
+            for (const std::uint32_t j : left) {
+                const Vec3 way = points[j] - points[i];
+                if (i != j && blocked(i, j) && dot(way, way) < least) least = dot(way, way), nearest = j;
+            }
+            if (!nearest) continue;
+            result.rays += 2;
+            auto plane = wall_between(air, points[i], points[*nearest]);
+            if (!plane) continue;
+            const bool known = std::any_of(tried.begin(), tried.end(), [&](const Plane& t) {
+                const double same = dot(t.normal, plane->normal);
+                return std::abs(same) > 0.999 && std::abs(t.distance - same * plane->distance) < 0.01;
+            });
+            if (known) continue;
+            tried.push_back(*plane);
+            std::vector<std::uint32_t> behind, front;
+            for (const std::uint32_t s : left)
+                (dot(plane->normal, points[s]) <= plane->distance ? behind : front).push_back(s);
+            if (behind.empty() || front.empty()) continue;
+            std::size_t in_behind = blocked.among(behind), in_front = blocked.among(front);
+            if (in_front < in_behind) {
+                plane->normal = -plane->normal, plane->distance = -plane->distance;
+                std::swap(behind, front), std::swap(in_behind, in_front);
+            }
+            if (in_behind + in_front < best_score) {
+                best_score = in_behind + in_front;
+                best = plane, best_behind = std::move(behind), best_front = std::move(front);
+            }
+        }
+        if (!best) break;
+        Side side = side_of(std::move(best_behind), sees);
+        side.has_plane = true, side.normal = best->normal, side.distance = best->distance;
+        result.sides.push_back(std::move(side));
+        left = std::move(best_front);
+    }
+    result.sides.push_back(side_of(std::move(left), sees));
+    return result;
+}
+
+} // namespace kiln::ambient

@@ -1,0 +1,105 @@
+// BSP: the structural world as a tree of half-spaces, the portals between its open leaves, what lies outside,
+// and which parts of the fragments can be seen at all.
+//
+// In       world, csg
+// Out      tree, leaves, clusters, portals (convex, counter-clockwise seen from `leaf_front`, map units)
+// Errors   leak: not a fault. The value is complete (nothing filled, everything visible), `leak` is set and the
+//          context holds one `leak` diagnostic per opening: errors, or warnings with allow_leaks. The caller
+//          writes the trail and decides on exit 4.
+//          no-entity-inside (warning): what the void does not reach counts as inside
+//          entity-outside (warning): it lies on an outer face, while the others are sealed in
+//          micro-gap (warning): an opening narrower than options.micro_gap that would have leaked
+// Source   the tree of H. Fuchs, Z. Kedem, B. Naylor, "On Visible Surface Generation by A Priori Tree Structures",
+//          SIGGRAPH 1980, over exact plane polygons; openings as a minimum cut: NOTES.md
+#pragma once
+#include "compiler/csg/csg.h"
+
+namespace kiln {
+
+using NodeId = Index<struct NodeTag>;
+using LeafId = Index<struct LeafTag>;
+using ClusterId = Index<struct ClusterTag>;
+using PortalId = Index<struct PortalTag>;
+
+struct BspOptions {
+    bool allow_leaks = false;      // a leak is a warning: no fill, everything visible
+    // Map units: openings narrower than this do not leak, and are reported. 0.2 is what the compilers these maps were
+    // made with have always dropped: a level whose door stops 0.14 short of its frame counts as sealed.
+    double micro_gap = 0.2;
+    template <class A> void fields(A& a) { a(allow_leaks, micro_gap); }
+};
+
+// Child >= 0: node; < 0: leaf -(child + 1).
+struct BspNode {
+    PlaneId plane;               // child[0] in front, child[1] behind
+    std::array<std::int32_t, 2> child{};
+    Box3 bounds;                 // map units, clipped to the world's box
+    Vec3 normal{};               // of the plane, unit, rounded: for point queries in doubles
+    double distance = 0;         // dot(normal, x) = distance
+    template <class A> void fields(A& a) { a(plane, child, bounds, normal, distance); }
+};
+
+struct BspLeaf {
+    Contents contents = Contents::empty; // solid, empty, window, liquids, area_portal (detail does not show here)
+    ClusterId cluster;                   // none: solid or outside
+    bool outside = false;                // reached from the void and filled
+    std::uint32_t area = 0;              // flood region between area portals, from 1; 0: none, or an area portal's leaf
+    Box3 bounds;                         // map units, clipped to the world's box
+    std::vector<BrushId> brushes;        // solid, detail, window, liquid and clip brushes with volume in it, sorted
+    template <class A> void fields(A& a) { a(contents, cluster, outside, area, bounds, brushes); }
+    bool open() const { return contents != Contents::solid; }
+};
+
+struct BspPortal {
+    LeafId leaf_front, leaf_back; // open leaves on the two sides
+    PlaneId plane;                // front side looks to leaf_front; = polygon.support
+    PlanePolygon polygon;         // the same exactly, planes of Bsp::planes
+    std::vector<Vec3> winding;    // map units
+    bool hint = false;
+    template <class A> void fields(A& a) { a(leaf_front, leaf_back, plane, polygon, winding, hint); }
+};
+
+// A part of a fragment in front of which one open, inside leaf lies.
+struct VisibleFragment {
+    std::uint32_t fragment = 0; // index into csg.fragments
+    PlanePolygon polygon;       // planes of Bsp::planes
+    LeafId leaf;                // in front of it
+    template <class A> void fields(A& a) { a(fragment, polygon, leaf); }
+};
+
+struct Leak {
+    EntityId entity;             // the one the path starts at
+    std::vector<Vec3> path;      // from the entity to the void; shortest by length
+    std::vector<BrushId> near;   // structural brushes around the hole, nearest first
+    Vec3 hole{};                 // middle of the opening the path goes through: of all ways to part the entities from
+                                 // the void by closing portals, the one of least area
+    template <class A> void fields(A& a) { a(entity, path, near, hole); }
+};
+
+struct Bsp {
+    PlaneTable planes;             // those of csg (same ids), then the world's box
+    std::array<PlaneId, 6> box{};  // +x -x +y -y +z -z, facing out, beyond every brush
+    std::vector<BspNode> nodes;    // 0: root; empty: one leaf. Preorder, front first, as are the leaves
+    std::vector<BspLeaf> leaves;
+    std::uint32_t cluster_count = 0;
+    std::uint32_t area_count = 0;   // areas are 1..area_count
+    std::vector<BspPortal> portals; // between open leaves inside (after fill)
+    std::vector<VisibleFragment> visible; // sorted by fragment; brush models: whole, leaf none
+    std::optional<Leak> leak;
+    Box3 bounds;                   // of the world's solid brushes
+    template <class A> void fields(A& a) {
+        a(planes, box, nodes, leaves, cluster_count, area_count, portals, visible, leak, bounds);
+    }
+};
+Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& options, Context& context);
+void validate(const Bsp& bsp, const Csg& csg);
+
+// The leaf that holds a point (on a plane: the front child).
+LeafId leaf_at(const Bsp& bsp, Vec3 point);
+inline LeafId leaf_at(const Bsp& bsp, const PlaneTable&, Vec3 point) { return leaf_at(bsp, point); }
+// All leaves within `tolerance` map units of the point, measured to the node planes; ascending.
+std::vector<LeafId> leaves_at(const Bsp& bsp, Vec3 point, double tolerance);
+// Each leaf as the convex polytope it is: faces looking out, clipped to the world's box. For dumps and tests.
+std::vector<std::vector<PlanePolygon>> leaf_polytopes(const Bsp& bsp);
+
+} // namespace kiln

@@ -1,0 +1,97 @@
+// Private to bsp: the steps of build_bsp and what they hand to each other.
+#pragma once
+#include "compiler/bsp/bsp.h"
+#include "compiler/bsp/polytope.h"
+#include "libs/core/context.h"
+
+namespace kiln::bsp {
+
+struct TreeLeaf {
+    Contents contents = Contents::empty;
+    bool area_portal = false;
+    std::vector<std::vector<Vec3>> void_faces; // where it is open to the world's box
+    Box3 bounds;
+    double thickness = 0;         // least extent, map units
+    Vec3 thin_way{};              // unit, the way it is least
+    std::vector<BrushId> brushes; // sorted
+};
+
+struct Tree {
+    std::vector<BspNode> nodes; // preorder, front first
+    std::vector<PlanePolygon> caps; // parallel: the node's plane within the node's region, facing as the plane
+    std::vector<bool> hint;         // parallel: its splitter was a hint
+    std::vector<TreeLeaf> leaves;   // preorder, front first
+    std::size_t splits = 0;         // boundary polygons cut
+};
+Tree build_tree(const World& world, const Csg& csg, const Space& space, const std::array<PlaneId, 6>& box,
+                Context& context);
+
+struct SplitterItem {
+    enum Kind : std::uint8_t { structural, translucent, area_portal, hint };
+    Poly poly;
+    Kind kind = structural;
+};
+// The item whose plane divides the node best.
+std::size_t choose_splitter(const PlaneTable& planes, const std::vector<SplitterItem>& items, const Box3& region);
+
+// Between any two open leaves; winding and hint filled.
+std::vector<BspPortal> build_portals(const Space& space, const Tree& tree);
+
+std::int32_t leaf_of_child(std::int32_t child); // child < 0
+std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, double tolerance);
+
+// Leaves and portals as rooms and doors, for all that asks how to get from one place to another.
+//
+// A room is a leaf; but one thinner than the micro gap has a room at each of its portals, joined only where one can
+// pass straight through from portal to portal. Thin leaves are common: where two planes are almost one, the leaf
+// between them may run along a wall from the inside of the level, past the crack beside that wall's edge, to the
+// outside, through portals that are all as large as can be.
+struct Door {
+    std::array<std::uint32_t, 2> rooms{};
+    std::vector<Vec3> winding;
+    double width = 0, area = 0;
+};
+struct Flow {
+    double micro_gap = 0;
+    std::vector<std::uint32_t> room_leaf;                 // per room; room l is leaf l where that is not thin
+    std::vector<std::vector<std::uint32_t>> doors_of;     // per room, ascending
+    std::vector<Door> doors;                              // first those of the portals, in their order
+    std::vector<std::vector<std::uint32_t>> portals_of;   // per leaf, ascending
+    std::vector<std::pair<std::uint32_t, std::vector<Vec3>>> shore; // rooms open to the world's box, and where
+    bool open(std::uint32_t door) const { return doors[door].width >= micro_gap; }
+};
+Flow make_flow(const Tree& tree, const std::vector<BspPortal>& portals, double micro_gap);
+// Rooms of the leaf from which one can be at the point.
+std::vector<std::uint32_t> rooms_at(const Tree& tree, const Flow& flow, LeafId leaf, Vec3 point);
+
+struct EntityPlace {
+    EntityId entity;
+    Vec3 origin;
+    std::vector<std::uint32_t> rooms; // it touches
+};
+struct Fill {
+    std::vector<std::uint8_t> outside;     // per leaf
+    std::vector<EntityPlace> entities;     // those in the open
+    std::vector<std::uint32_t> leaking;    // into entities: those the void reaches
+};
+Fill fill_outside(const World& world, const Csg& csg, const Tree& tree, const std::vector<BspPortal>& portals,
+                  const Flow& flow, Context& context);
+
+// Structural brushes of the world about an opening, nearest first, at most `count`.
+std::vector<BrushId> brushes_near(const World& world, const Csg& csg, std::span<const Vec3> opening, std::size_t count);
+std::string name_brushes(const World& world, std::span<const BrushId> brushes); // "12 (line 80), 14 (line 95)"
+std::string name_place(Vec3 p);                                                 // "(1 2.5 -3)"
+Box3 box_of(std::span<const Vec3> points, double margin);
+// Numbers boxes in order of appearance so that those which touch share a number.
+std::vector<std::uint32_t> touching(std::span<const Box3> boxes);
+
+// All openings that have to be closed, the one with the shortest path first. Entities that stand in the void
+// themselves come last, without an opening.
+std::vector<Leak> find_leaks(const World& world, const Csg& csg, const Flow& flow, const Fill& fill);
+void report_leaks(const World& world, const std::vector<Leak>& leaks, const BspOptions& options, Context& context);
+
+Vec3 closest_point(std::span<const Vec3> convex_winding, Vec3 to);
+
+std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& space, const Bsp& bsp);
+
+} // namespace kiln::bsp

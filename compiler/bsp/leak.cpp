@@ -1,0 +1,199 @@
+// Leaks: the openings that part the entities from the void at least total area (a minimum cut of the portals),
+// and the shortest way out through each of them.
+#include "compiler/bsp/build.h"
+#include "compiler/bsp/min_cut.h"
+#include "compiler/bsp/trail.h"
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <numeric>
+
+namespace kiln::bsp {
+namespace {
+
+constexpr std::size_t kNearBrushes = 8;
+constexpr std::size_t kMostLeakReports = 16;
+// Steps of the cut: about a second. Levels of usual size with a hole or ten take thousands; what takes more is open
+// to the void all over, and then the narrowest door of the shortest way out says as much.
+constexpr std::uint64_t kCutSteps = 100'000'000;
+
+} // namespace
+
+Box3 box_of(std::span<const Vec3> points, double margin) {
+    Box3 b;
+    for (const Vec3& p : points) b.add(p);
+    b.lo = b.lo - Vec3{margin, margin, margin}, b.hi = b.hi + Vec3{margin, margin, margin};
+    return b;
+}
+
+std::string name_place(Vec3 p) {
+    const auto number = [](double x) {
+        const double r = std::round(x * 1000) / 1000;
+        return fmt::format("{}", r == 0 ? 0.0 : r); // no "-0"
+    };
+    return fmt::format("({} {} {})", number(p.x), number(p.y), number(p.z));
+}
+
+std::string name_brushes(const World& world, std::span<const BrushId> brushes) {
+    std::string text;
+    for (const BrushId b : brushes) {
+        const SourceLocation at = world.location(b);
+        if (!text.empty()) text += ", ";
+        text += at.entity > 0 ? fmt::format("{} of entity {} (line {})", at.brush, at.entity, at.line)
+                              : fmt::format("{} (line {})", at.brush, at.line);
+    }
+    return text.empty() ? "none" : text;
+}
+
+std::vector<BrushId> brushes_near(const World& world, const Csg& csg, std::span<const Vec3> opening,
+                                  std::size_t count) {
+    const Box3 about = box_of(opening, 64);
+    std::vector<std::pair<std::int64_t, BrushId>> found;
+    for (std::size_t b = 0; b < csg.brushes.size(); ++b) {
+        const BrushPolytope& brush = csg.brushes[b];
+        if (!brush.valid || world.brushes[b].model.value != 0 || world.brushes[b].contents != Contents::solid) continue;
+        if (!overlap(brush.bounds, about)) continue;
+        // Its farthest face plane is a lower bound of a point's distance and zero where the opening touches it.
+        double least = 1e30;
+        for (const Vec3& p : opening) {
+            double d = 0;
+            for (const PlanePolygon& f : brush.faces)
+                d = std::max(d, dot(csg.planes.normal(f.support), p) - csg.planes.distance(f.support));
+            least = std::min(least, d);
+        }
+        found.emplace_back(std::llround(least * 64), id<BrushId>(b)); // rounding does not decide the order
+    }
+    std::ranges::sort(found);
+    std::vector<BrushId> near;
+    for (std::size_t i = 0; i < std::min(count, found.size()); ++i) near.push_back(found[i].second);
+    return near;
+}
+
+std::vector<std::uint32_t> touching(std::span<const Box3> boxes) {
+    std::vector<std::uint32_t> root(boxes.size());
+    std::iota(root.begin(), root.end(), 0u);
+    const auto find = [&](std::uint32_t i) {
+        while (root[i] != i) i = root[i] = root[root[i]];
+        return i;
+    };
+    std::vector<std::uint32_t> by_x(root);
+    std::ranges::stable_sort(by_x, [&](auto a, auto b) { return boxes[a].lo.x < boxes[b].lo.x; });
+    for (std::size_t i = 0; i < by_x.size(); ++i)
+        for (std::size_t j = i + 1; j < by_x.size() && boxes[by_x[j]].lo.x <= boxes[by_x[i]].hi.x; ++j)
+            if (overlap(boxes[by_x[i]], boxes[by_x[j]])) {
+                const std::uint32_t a = find(by_x[i]), b = find(by_x[j]);
+                root[std::max(a, b)] = std::min(a, b);
+            }
+    std::vector<std::uint32_t> number(boxes.size()), result;
+    std::uint32_t next = 0;
+    for (std::uint32_t i = 0; i < boxes.size(); ++i) {
+        if (find(i) == i) number[i] = next++;
+        result.push_back(number[find(i)]);
+    }
+    return result;
+}
+
+std::vector<Leak> find_leaks(const World& world, const Csg& csg, const Flow& flow, const Fill& fill) {
+    std::vector<std::uint8_t> on_shore(flow.room_leaf.size());
+    for (const auto& [room, face] : flow.shore) on_shore[room] = 1;
+    std::vector<std::uint32_t> starts, exposed; // into fill.entities
+    for (const std::uint32_t e : fill.leaking) {
+        const bool in_void = std::ranges::any_of(fill.entities[e].rooms, [&](std::uint32_t r) { return on_shore[r]; });
+        (in_void ? exposed : starts).push_back(e);
+    }
+    std::vector<std::uint8_t> closed(flow.doors.size());
+    for (std::uint32_t d = 0; d < flow.doors.size(); ++d) closed[d] = !flow.open(d);
+
+    std::vector<Leak> leaks;
+    std::vector<double> lengths;
+    const auto add = [&](const Trail& trail, std::span<const Vec3> about, Vec3 hole) {
+        Leak leak;
+        leak.entity = fill.entities[trail.start].entity;
+        leak.path = trail.points;
+        leak.hole = hole;
+        leak.near = brushes_near(world, csg, about, kNearBrushes);
+        leaks.push_back(std::move(leak));
+        lengths.push_back(length_of(trail.points));
+    };
+    if (!starts.empty()) {
+        MinCut cut(flow.room_leaf.size());
+        for (std::uint32_t d = 0; d < flow.doors.size(); ++d)
+            if (!closed[d]) cut.connect(flow.doors[d].rooms[0], flow.doors[d].rooms[1], flow.doors[d].area, d);
+        for (const std::uint32_t e : starts)
+            for (const std::uint32_t r : fill.entities[e].rooms) cut.source(r);
+        for (std::uint32_t r = 0; r < on_shore.size(); ++r)
+            if (on_shore[r]) cut.sink(r);
+        std::vector<std::uint32_t> cuts;
+        if (auto least = cut.run(kCutSteps)) {
+            cuts = std::move(*least);
+        } else if (const auto trail = shortest_trail(flow, fill.entities, starts, closed); trail && !trail->doors.empty()) {
+            cuts = {*std::ranges::min_element(trail->doors, {}, [&](std::uint32_t d) { return flow.doors[d].area; })};
+        }
+        std::vector<Box3> boxes;
+        for (const std::uint32_t d : cuts) boxes.push_back(box_of(flow.doors[d].winding, 0.5));
+        const std::vector<std::uint32_t> hole_of = touching(boxes);
+        const std::uint32_t count = cuts.empty() ? 0 : 1 + *std::ranges::max_element(hole_of);
+        for (std::uint32_t h = 0; h < count && h < 4 * kMostLeakReports; ++h) {
+            std::vector<std::uint8_t> shut = closed;
+            std::vector<Vec3> about;
+            Vec3 middle{};
+            double total = 0;
+            for (std::size_t i = 0; i < cuts.size(); ++i) {
+                const Door& door = flow.doors[cuts[i]];
+                if (hole_of[i] != h) {
+                    shut[cuts[i]] = 1;
+                    continue;
+                }
+                about.insert(about.end(), door.winding.begin(), door.winding.end());
+                middle += centroid(door.winding) * door.area, total += door.area;
+            }
+            const std::optional<Trail> trail = shortest_trail(flow, fill.entities, starts, shut);
+            if (!trail) continue;
+            middle = total > 0 ? middle / total : about.front();
+            Vec3 hole = about.front(); // the middle of an opening around a corner is not in it
+            for (std::size_t i = 0; i < cuts.size(); ++i)
+                if (hole_of[i] == h)
+                    if (const Vec3 c = closest_point(flow.doors[cuts[i]].winding, middle);
+                        length(c - middle) < length(hole - middle))
+                        hole = c;
+            add(*trail, about, hole);
+        }
+    }
+    std::vector<std::size_t> order(leaks.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::ranges::stable_sort(order, {}, [&](std::size_t i) { return lengths[i]; });
+    std::vector<Leak> sorted;
+    for (const std::size_t i : order) sorted.push_back(std::move(leaks[i]));
+    leaks.clear();
+    for (const std::uint32_t e : exposed) {
+        const std::vector<std::uint32_t> one{e};
+        const std::optional<Trail> trail = shortest_trail(flow, fill.entities, one, closed);
+        if (!trail) continue;
+        const Vec3 at = fill.entities[e].origin;
+        add(*trail, std::span(&at, 1), at);
+    }
+    for (Leak& l : leaks) sorted.push_back(std::move(l));
+    return sorted;
+}
+
+void report_leaks(const World& world, const std::vector<Leak>& leaks, const BspOptions& options, Context& context) {
+    const Severity severity = options.allow_leaks ? Severity::warning : Severity::error;
+    for (std::size_t i = 0; i < leaks.size() && i < kMostLeakReports; ++i) {
+        const Leak& leak = leaks[i];
+        const WorldEntity& e = world.entities[leak.entity.at()];
+        const std::string who = fmt::format("entity {} at {}", e.get("classname", "(no classname)"), name_place(e.origin));
+        const std::string way = fmt::format("path of {:.0f} units; nearest brushes: {}", length_of(leak.path),
+                                            name_brushes(world, leak.near));
+        const bool exposed = !leak.path.empty() && leak.hole == leak.path.front();
+        context.report(severity, "leak",
+                       exposed ? fmt::format("leak: {} stands in the void; {}", who, way)
+                               : fmt::format("leak: {} reaches the void through the opening at {}; {}", who,
+                                             name_place(leak.hole), way),
+                       world.location(leak.entity));
+    }
+    if (leaks.size() > kMostLeakReports)
+        context.report(severity, "leak", fmt::format("and {} more leaks", leaks.size() - kMostLeakReports),
+                       {.file = world.file});
+}
+
+} // namespace kiln::bsp

@@ -1,0 +1,193 @@
+#include "compiler/compile.h"
+#include "compiler/stage.h"
+#include "formats/quake_map/quake_map.h"
+#include "formats/vmf/vmf.h"
+#include <cctype>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace kiln {
+namespace {
+
+constexpr const char* kVersion = "kiln 0.1.0"; // of the level file; results also carry their stage's version
+
+// What geometry depends on: brushes, sides, materials; not where in the text they stand, not what entities say.
+Hash geometry_key(const World& world) {
+    ByteWriter w;
+    for (const WorldSide& s : world.sides)
+        w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement);
+    for (const WorldBrush& b : world.brushes)
+        w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws);
+    w(world.materials, world.format, world.model_count);
+    return hash_bytes(w.bytes);
+}
+// Where in the text brushes and sides stand: only diagnostics show it.
+Hash places_key(const World& world) {
+    ByteWriter w;
+    w(world.file);
+    for (const WorldSide& s : world.sides) w(s.line, s.id);
+    for (const WorldBrush& b : world.brushes) w(b.line, b.id, b.entity);
+    for (const WorldEntity& e : world.entities) w(e.line, e.id);
+    return hash_bytes(w.bytes);
+}
+// Where entities stand: what the leak test starts from.
+Hash entity_places_key(const World& world) {
+    ByteWriter w;
+    for (const WorldEntity& e : world.entities)
+        if (e.has_origin) w(e.origin, e.model, std::string(e.get("classname")));
+    return hash_bytes(w.bytes);
+}
+Hash smoothing_key(const World& world) { // keys of entities that steer surfaces
+    ByteWriter w;
+    for (const WorldBrush& b : world.brushes) {
+        const WorldEntity& e = world.entities[b.entity.at()];
+        for (const char* key : {"_phong", "_phong_angle", "_phong_angle_concave"}) w(std::string(e.get(key)));
+    }
+    return hash_bytes(w.bytes);
+}
+Hash lights_key(std::vector<Light> lights) {
+    for (Light& l : lights) l.entity = {}; // its number in the file does not light anything
+    return hash_of(lights);
+}
+Hash probe_entities_key(const World& world) {
+    ByteWriter w;
+    for (std::size_t i = 0; i < world.entities.size(); ++i)
+        if (equal_ignoring_case(world.entities[i].get("classname"), "env_cubemap")) w(i, world.entities[i].origin, world.entities[i].keys);
+    for (const WorldSide& s : world.sides) w(s.id); // side lists name them
+    return hash_bytes(w.bytes);
+}
+
+template <class... T> Hash all(const T&... parts) {
+    ByteWriter w;
+    w(parts...);
+    return hash_bytes(w.bytes);
+}
+
+Result<Document> read_map(const TextFile& map, Context& context) {
+    return is_vmf(map) ? read_vmf(map.bytes, map.name, context) : read_quake_map(map.bytes, map.name, context);
+}
+Result<World> make_world(const Document& document, const CompileInput& input, const WorldOptions& options, Context& context) {
+    MaterialDatabase materials;
+    const auto text = [](const TextFile& f) {
+        return std::string_view(reinterpret_cast<const char*>(f.bytes.data()), f.bytes.size());
+    };
+    for (const TextFile& f : input.lights_rad) materials.add_lights_rad(text(f), f.name, context);
+    for (const TextFile& f : input.materials)
+        if (auto added = materials.add_json(text(f), f.name, context); !added) return added.fault();
+    return build_world(document, materials, options, context);
+}
+// The openings themselves were reported by the stage.
+Fault leak_fault(const World& world, const Leak& leak) {
+    const auto where = leak.entity.valid() ? world.location(leak.entity) : SourceLocation{.file = world.file};
+    return fault(Exit::geometry, "leak",
+                 "the world is not sealed, nothing was built; the way out is in the .pts and .lin files (--allow-leaks builds all the same)",
+                 where);
+}
+
+} // namespace
+
+// VMF text begins with a word (versioninfo, world, ...); Quake-family text with a brace or a comment.
+bool is_vmf(const TextFile& map) {
+    const auto& b = map.bytes;
+    std::size_t i = b.size() >= 3 && b[0] == 0xEF && b[1] == 0xBB && b[2] == 0xBF ? 3 : 0;
+    for (; i < b.size(); ++i) {
+        if (std::isspace(b[i])) continue;
+        if (b[i] == '/' && i + 1 < b.size() && b[i + 1] == '/') {
+            while (i < b.size() && b[i] != '\n') ++i;
+            continue;
+        }
+        return std::isalpha(b[i]) != 0 || b[i] == '"';
+    }
+    return map.name.ends_with(".vmf");
+}
+
+Result<bool> compile(const CompileInput& input, const CompileOptions& options, const CompileRun& run, Context& context,
+                     Compiled& out) try {
+    StageRunner stages(run, context, out.stages);
+    const auto done = [&](Stage stage) { return run.last == stage; };
+
+    if (auto r = stages.run_always(Stage::read, out.document, [&] { return read_map(input.map, context); }); !r) return r;
+    if (done(Stage::read)) return true;
+
+    if (auto r = stages.run_always(Stage::world, out.world, [&] { return make_world(out.document, input, options.world, context); }); !r) return r;
+    const World& world = out.world;
+    const Hash geometry = geometry_key(world), places = places_key(world);
+    if (done(Stage::world)) return true;
+
+    const auto csg = stages.run(Stage::csg, 1, all(geometry, options.csg), places, out.csg,
+                                [&] { return build_csg(world, options.csg, context); });
+    if (!csg) return csg.fault();
+    if (done(Stage::csg)) return true;
+
+    const auto bsp = stages.run(Stage::bsp, 1, all(*csg, geometry, entity_places_key(world), options.bsp), places, out.bsp,
+                                [&] { return build_bsp(world, out.csg, options.bsp, context); });
+    if (!bsp) return bsp.fault();
+    if (out.bsp.leak && !options.bsp.allow_leaks) return leak_fault(world, *out.bsp.leak);
+    if (done(Stage::bsp)) return true;
+
+    out.portals = vis_portals(out.bsp);
+    const auto visibility = stages.run(Stage::visibility, 1, all(out.portals, out.bsp.cluster_count, options.visibility), places, out.visibility,
+                                       [&] { return compute_visibility(out.portals, out.bsp.cluster_count, options.visibility, context); });
+    if (!visibility) return visibility.fault();
+    if (done(Stage::visibility)) return true;
+
+    const auto surfaces = stages.run(Stage::surfaces, 1, all(*bsp, *csg, geometry, smoothing_key(world), options.surfaces), places, out.surfaces,
+                                     [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
+    if (!surfaces) return surfaces.fault();
+    if (done(Stage::surfaces)) return true;
+
+    out.lights = read_lights(world, context);
+    const Hash lit = all(*surfaces, *bsp, hash_of(world.materials), lights_key(out.lights));
+    const auto light = stages.run(Stage::light, 1, all(lit, options.light), places, out.lighting,
+                                  [&] { return bake_light(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options.light, context); });
+    if (!light) return light.fault();
+    if (done(Stage::light)) return true;
+
+    // Built when a stage below asks for it; a warm build needs no ray scene.
+    std::unique_ptr<LightField> built;
+    const auto field = [&]() -> const LightField& {
+        if (!built) built = std::make_unique<LightField>(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, out.lighting);
+        return *built;
+    };
+    const auto ambient = stages.run(Stage::ambient, 1, all(lit, *light, options.ambient), places, out.ambient,
+                                    [&] { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context); });
+    if (!ambient) return ambient.fault();
+    if (done(Stage::ambient)) return true;
+
+    const auto probes = stages.run(Stage::probes, 1, all(lit, *light, probe_entities_key(world), options.probes), places, out.probes,
+                                   [&] { return bake_probes(world, out.bsp, out.bsp.planes, out.surfaces, field(), options.probes, context); });
+    if (!probes) return probes.fault();
+    if (done(Stage::probes)) return true;
+
+    const auto packed = stages.run_always(Stage::pack, out.level, [&]() -> Result<Bytes> {
+        const PackInput content{world, out.csg, out.bsp, out.visibility, out.surfaces, out.lights, out.lighting, out.ambient, out.probes,
+                                options_json(options), to_hex(hash_of(std::make_pair(input.map.bytes, hash_of(world.materials)))), kVersion};
+        return pack(content, {.zstd_level = options.zstd_level, .strip = options.strip}, context);
+    });
+    if (!packed) return packed;
+    return true;
+} catch (const Cancelled&) {
+    return fault(Exit::cancelled, "cancelled", "cancelled; nothing was written");
+}
+
+std::string options_json(const CompileOptions& o) {
+    static constexpr const char* kEncodings[] = {"dot", "sq", "tilted"};
+    static constexpr const char* kDirectional[] = {"needed", "all", "none"};
+    const nlohmann::ordered_json j = {
+        {"world", {{"lightmap_scale", o.world.lightmap_scale}}},
+        {"csg", {{"plane_merge_distance", o.csg.plane_merge_distance}, {"grid_bits", o.csg.grid_bits}}},
+        {"bsp", {{"allow_leaks", o.bsp.allow_leaks}, {"micro_gap", o.bsp.micro_gap}}},
+        {"visibility", {{"fast", o.visibility.fast}, {"epsilon", o.visibility.epsilon}, {"step_budget", o.visibility.step_budget}}},
+        {"surfaces", {{"smoothing_angle_deg", o.surfaces.smoothing_angle_deg}}},
+        {"light",
+         {{"error_percent", o.light.error_percent}, {"encoding", kEncodings[static_cast<int>(o.light.encoding)]},
+          {"directional", kDirectional[static_cast<int>(o.light.directional)]}, {"error_floor", o.light.error_floor}, {"seed", o.light.seed}}},
+        {"ambient",
+         {{"error_percent", o.ambient.error_percent}, {"coarsest", o.ambient.coarsest}, {"finest", o.ambient.finest},
+          {"local_lights", o.ambient.local_lights}, {"seed", o.ambient.seed}}},
+        {"probes", {{"default_size", o.probes.default_size}, {"prefilter_samples", o.probes.prefilter_samples}, {"seed", o.probes.seed}}},
+        {"pack", {{"zstd_level", o.zstd_level}, {"strip", o.strip}}}};
+    return j.dump();
+}
+
+} // namespace kiln

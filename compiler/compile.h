@@ -1,0 +1,78 @@
+// The whole way from map text to level file: compile.cpp shows it on one screen, a line a stage.
+//
+// Every stage is a pure function of its inputs and options, so its result is kept in the store under the hash of
+// exactly those and the stage's version; a stage whose key is found is not run again. Diagnostics are kept with the
+// result, so that a warm build reports what the cold one did.
+#pragma once
+#include "compiler/pack/pack.h"
+#include "libs/store/store.h"
+
+namespace kiln {
+
+enum class Stage : std::uint8_t { read, world, csg, bsp, visibility, surfaces, light, ambient, probes, pack };
+constexpr std::array<const char*, 10> kStageNames = {"read",     "world", "csg",     "bsp",    "visibility",
+                                                     "surfaces", "light", "ambient", "probes", "pack"};
+
+struct CompileOptions {
+    WorldOptions world;
+    CsgOptions csg;
+    BspOptions bsp;
+    VisibilityOptions visibility;
+    SurfacesOptions surfaces;
+    LightOptions light;
+    AmbientOptions ambient;
+    ProbesOptions probes;
+    int zstd_level = 9;
+    bool strip = false;
+    template <class A> void fields(A& a) {
+        a(world, csg, bsp, visibility, surfaces, light, ambient, probes, zstd_level, strip);
+    }
+};
+std::string options_json(const CompileOptions& options); // stable text, recorded in the level
+
+struct TextFile { // what the caller read; the compiler opens no files
+    std::string name;
+    Bytes bytes;
+};
+struct CompileInput {
+    TextFile map;
+    std::vector<TextFile> materials; // JSON, in order of precedence: later wins
+    std::vector<TextFile> lights_rad;
+};
+
+struct StageReport {
+    std::string name;
+    double wall_s = 0, cpu_s = 0, peak_rss_mb = 0;
+    bool cached = false;
+};
+
+// Results as far as they were made: all up to and including the stage that was asked for.
+struct Compiled {
+    Document document;
+    World world;
+    Csg csg;
+    Bsp bsp;
+    std::vector<VisPortal> portals;
+    Visibility visibility;
+    Surfaces surfaces;
+    std::vector<Light> lights;
+    Lighting lighting;
+    Ambient ambient;
+    Probes probes;
+    Bytes level;
+    std::vector<StageReport> stages;
+};
+
+struct CompileRun { // what cannot change the result
+    const ContentStore* store = nullptr;
+    Stage last = Stage::pack;
+    std::function<void(const StageReport&)> stage_done;
+};
+
+// Fills `out` stage by stage. A fault ends it: leak (unless allowed), unreadable map, nothing to compile, cancelled.
+Result<bool> compile(const CompileInput& input, const CompileOptions& options, const CompileRun& run, Context& context,
+                     Compiled& out);
+
+bool is_vmf(const TextFile& map); // by its first word, not by its name
+
+} // namespace kiln

@@ -1,0 +1,22 @@
+// Private: from decimal plane points to integer planes.
+#pragma once
+#include "compiler/csg/csg.h"
+#include <vector>
+
+namespace kiln::csg_detail {
+
+// The coarsest grid 2^-k, k <= finest, on which all plane points lie; `finest` if there is none.
+int choose_grid_bits(const World& world, int finest);
+
+struct InputSide {
+    std::optional<ExactPlane> plane; // nothing: collinear, out of range, or redundant
+    bool collinear = false, out_of_range = false;
+    bool redundant = false;          // of a brush off the grid: contributes nothing in doubles
+    bool integral = false;           // all points in whole map units
+    bool rounded = false;            // some point is off the grid
+    double rounding = 0;             // map units, largest over the face
+};
+// Parallel to world.sides.
+std::vector<InputSide> read_planes(const World& world, int grid_bits, Context& context);
+
+} // namespace kiln::csg_detail

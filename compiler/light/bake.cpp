@@ -1,0 +1,353 @@
+// The order of the steps, the tables they share, and what is handed on.
+#include "compiler/light/bake.h"
+#include "libs/core/check.h"
+#include "libs/parallel/parallel.h"
+#include <map>
+#include <numbers>
+
+namespace kiln {
+
+Quality Quality::of(const LightOptions& options) {
+    Quality q;
+    const double e = std::clamp(options.error_percent, 0.1, 50.0);
+    q.patch_size = 40 * std::sqrt(e / 5);
+    q.promotion = 0.001 * e;
+    q.light_cutoff = 2e-4 * e;
+    q.direct_samples = e <= 1.5 ? 256 : e <= 6 ? 64 : 16;
+    q.row_rays = e <= 1 ? 1024 : e <= 2.5 ? 512 : 256;
+    q.iteration = std::min(1e-3, e * 1e-4);
+    q.least_rays = e >= 10 ? 16 : 32;
+    return q;
+}
+
+Rgbd sky_radiance(const std::vector<Light>& lights) {
+    Rgbd sky;
+    for (const Light& l : lights)
+        if (l.kind == LightKind::sky) sky += static_cast<Rgbd>(l.intensity);
+    return sky;
+}
+
+Frame shading_frame(const Frame& chart, Vec3 normal) {
+    Frame f;
+    f.n = normal;
+    const Vec3 t = chart.t - normal * dot(chart.t, normal);
+    const double l = length(t);
+    f.t = l > 1e-6 ? t / l : frame_around(normal).t;
+    f.b = cross(normal, f.t) * (dot(cross(chart.n, chart.t), chart.b) < 0 ? -1.0 : 1.0);
+    return f;
+}
+
+Vec3 shading_normal(const Surfaces& s, FaceId id, Vec3 point) {
+    const Face& face = s.faces[id.at()];
+    double best = -1e30;
+    Vec3 normal = face.normal;
+    for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t) {
+        const auto& v = s.triangles[t];
+        const Vec3 a = s.positions[v[0]], b = s.positions[v[1]], c = s.positions[v[2]];
+        const double all = dot(cross(b - a, c - a), face.normal);
+        if (!(all > 0)) continue;
+        std::array<double, 3> w{dot(cross(b - point, c - point), face.normal) / all,
+                                dot(cross(c - point, a - point), face.normal) / all, 0};
+        w[2] = 1 - w[0] - w[1];
+        const double inside = std::min({w[0], w[1], w[2]});
+        if (inside <= best) continue;
+        best = inside;
+        Vec3 n;
+        for (std::size_t i = 0; i < 3; ++i) n += static_cast<Vec3>(s.corner_normals[t][i]) * std::clamp(w[i], 0.0, 1.0);
+        normal = length(n) > 1e-6 ? normalize(n) : face.normal;
+        if (inside >= 0) break;
+    }
+    return normal;
+}
+
+Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchTable& patches, const ReflectedLight& light,
+                        const SceneHit& hit) {
+    const Face& face = s.faces[hit.face.at()];
+    std::uint32_t patch;
+    if (face.chart.valid()) {
+        const Chart& chart = s.charts[face.chart.at()];
+        const std::uint32_t texel = index.texel_at(chart, hit.position);
+        if (patches.texel_patch[texel] < kMixedPatch) return static_cast<Rgbd>(light.texel[texel]);
+        const std::uint32_t piece = index.piece_at(hit.face, chart, hit.position);
+        patch = piece == UINT32_MAX ? kNoPatch : patches.piece_patch[piece];
+    } else {
+        patch = patches.face_patch[hit.face.at()];
+    }
+    return patch == kNoPatch ? Rgbd{} : static_cast<Rgbd>(light.patch[patch]);
+}
+
+Bake::Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, const LightOptions& options,
+           Context& context)
+    : world_(world), surfaces_(surfaces), lights_(lights), options_(options), context_(context),
+      quality_(Quality::of(options)), scene_(world, surfaces), index_(surfaces),
+      emitters_(world, surfaces, sky_radiance(lights)) {}
+
+std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
+    const auto q = [](double x) { return static_cast<std::uint64_t>(std::llround(x * 64)); };
+    return mix(options_.seed, pass, q(p.x), q(p.y), q(p.z));
+}
+
+Vec3 Bake::luxel_centroid(const Luxel& l) const {
+    return world_from_luxel(surfaces_, surfaces_.charts[l.chart.at()], l.face, l.centroid);
+}
+
+Footprint Bake::footprint_of_patch(std::uint32_t p) const {
+    Footprint f;
+    const Patch& patch = patches_.patches[p];
+    const Face& face = surfaces_.faces[patch.face.at()];
+    if (!face.chart.valid()) {
+        for (std::uint32_t t = 0; t < face.triangle_count; ++t) {
+            const auto& v = surfaces_.triangles[face.first_triangle + t];
+            f.add_triangle(surfaces_.positions[v[0]], surfaces_.positions[v[1]], surfaces_.positions[v[2]]);
+        }
+        return f;
+    }
+    const Chart& chart = surfaces_.charts[face.chart.at()];
+    for (std::uint32_t k = patches_.first_piece[p]; k < patches_.first_piece[p + 1]; ++k)
+        f.add_piece(surfaces_, chart, surfaces_.pieces[patches_.pieces[k]]);
+    return f;
+}
+
+// Of a luxel cut in two by a wall, only the larger side.
+Footprint Bake::footprint_of_luxel(std::uint32_t l) const {
+    Footprint f;
+    const Luxel& luxel = surfaces_.luxels[l];
+    const Chart& chart = surfaces_.charts[luxel.chart.at()];
+    for (std::uint32_t k = 0; k < luxel.piece_count; ++k)
+        if (patches_.piece_patch[luxel.first_piece + k] == luxel_patch_[l])
+            f.add_piece(surfaces_, chart, surfaces_.pieces[luxel.first_piece + k]);
+    return f;
+}
+
+LuxelKernel Bake::kernel_of(std::uint32_t l) const {
+    const Luxel& luxel = surfaces_.luxels[l];
+    const Chart& chart = surfaces_.charts[luxel.chart.at()];
+    LuxelKernel k;
+    k.encoding = options_.encoding;
+    k.cone = cones_[luxel.chart.at()].get();
+    k.frame = chart.frame;
+    if (chart.smooth) k.frame = shading_frame(chart.frame, shading_normal(surfaces_, luxel.face, luxel_centroid(luxel)));
+    return k;
+}
+
+HemisphereMap Bake::map_of(std::uint32_t l) const {
+    const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
+    return {cones_[surfaces_.luxels[l].chart.at()] || chart.smooth ? 0.6 : 1.0};
+}
+
+// Reflected radiance at hits: direct light of the very luxel, the rest by patch.
+ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total) const {
+    ReflectedLight out;
+    constexpr double inv_pi = 1 / std::numbers::pi;
+    out.patch.resize(patches_.patches.size());
+    for (std::size_t p = 0; p < out.patch.size(); ++p)
+        out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * total[p] * inv_pi);
+    out.texel.resize(surfaces_.texel_count);
+    for (std::size_t l = 0; l < surfaces_.luxels.size(); ++l) {
+        const Luxel& luxel = surfaces_.luxels[l];
+        const Chart& c = surfaces_.charts[luxel.chart.at()];
+        const std::uint32_t p = luxel_patch_[l];
+        if (p == kNoPatch) continue;
+        out.texel[c.first_texel + luxel.y * c.width + luxel.x] =
+            static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * (direct_[l].flat + rest[p]) * inv_pi);
+    }
+    return out;
+}
+
+ReflectedLight Bake::coarse_light(const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total) const {
+    const PatchTable coarse = build_patches(world_, surfaces_, edges_, 2 * quality_.patch_size);
+    std::vector<Rgbd> sum_rest(coarse.patches.size()), sum_total(coarse.patches.size());
+    std::vector<double> area(coarse.patches.size());
+    std::vector<std::uint32_t> parent(patches_.patches.size(), kNoPatch);
+    for (std::size_t p = 0; p < parent.size(); ++p) {
+        if (patches_.first_piece[p] == patches_.first_piece[p + 1]) continue;
+        parent[p] = coarse.piece_patch[patches_.pieces[patches_.first_piece[p]]];
+        const double a = patches_.patches[p].area;
+        sum_rest[parent[p]] += rest[p] * a, sum_total[parent[p]] += total[p] * a, area[parent[p]] += a;
+    }
+    std::vector<Rgbd> r = rest, t = total;
+    for (std::size_t p = 0; p < parent.size(); ++p)
+        if (parent[p] != kNoPatch && area[parent[p]] > 0)
+            r[p] = sum_rest[parent[p]] / area[parent[p]], t[p] = sum_total[parent[p]] / area[parent[p]];
+    return reflected_light(r, t);
+}
+
+Lighting Bake::run() {
+    const std::size_t luxels = surfaces_.luxels.size();
+    out_.encoding = options_.encoding;
+    // Which charts get directional light, and the table of their cone.
+    std::map<double, std::shared_ptr<const ConeTable>> tables;
+    cones_.resize(surfaces_.charts.size());
+    out_.chart_directional.resize(surfaces_.charts.size());
+    out_.rnm_first.assign(surfaces_.charts.size(), UINT32_MAX);
+    std::size_t rnm = 0;
+    for (std::size_t c = 0; c < surfaces_.charts.size(); ++c) {
+        bool wanted = options_.directional == Directional::all;
+        double cone = 0;
+        for (const FaceId f : surfaces_.charts[c].faces) {
+            const Material& m = world_.materials[surfaces_.faces[f.at()].material.at()];
+            if (m.normal_map.empty()) continue;
+            wanted |= options_.directional == Directional::needed;
+            cone = std::max(cone, m.normal_cone_deg);
+        }
+        if (!wanted) continue;
+        auto& table = tables[cone > 0 ? cone : 30];
+        if (!table) table = std::make_shared<ConeTable>(options_.encoding, cone > 0 ? cone : 30);
+        cones_[c] = table;
+        out_.chart_directional[c] = 1;
+        out_.rnm_first[c] = static_cast<std::uint32_t>(rnm);
+        rnm += static_cast<std::size_t>(surfaces_.charts[c].width) * surfaces_.charts[c].height;
+    }
+    out_.flat.resize(surfaces_.texel_count);
+    out_.valid.resize(surfaces_.texel_count);
+    out_.texel_error.resize(surfaces_.texel_count);
+    out_.rnm.resize(rnm);
+
+    edges_ = piece_adjacency(surfaces_);
+    patches_ = build_patches(world_, surfaces_, edges_, quality_.patch_size);
+    const std::size_t n = patches_.patches.size();
+    // Few patches: all the more rays each, for the same share of the work.
+    const double per_patch = 64.0 * static_cast<double>(luxels) / static_cast<double>(std::max<std::size_t>(n, 1));
+    while (quality_.row_rays < 2048 && quality_.row_rays * 2 <= per_patch) quality_.row_rays *= 2;
+    for (const Patch& p : patches_.patches) patch_emitter_.push_back(emitters_.of_face[p.face.at()]);
+    luxel_patch_.assign(luxels, kNoPatch);
+    std::vector<std::vector<std::uint32_t>> by_patch(n);
+    for (std::uint32_t l = 0; l < luxels; ++l) {
+        const Luxel& luxel = surfaces_.luxels[l];
+        std::map<std::uint32_t, double> area;
+        double most = -1;
+        for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
+            const std::uint32_t piece = luxel.first_piece + k;
+            const double a = polygon_area(points_of(surfaces_, surfaces_.pieces[piece]));
+            const std::uint32_t patch = patches_.piece_patch[piece];
+            if ((area[patch] += a) > most) most = area[patch], luxel_patch_[l] = patch;
+        }
+        if (luxel_patch_[l] != kNoPatch) by_patch[luxel_patch_[l]].push_back(l);
+    }
+    patch_luxel_first_.assign(1, 0);
+    for (const auto& list : by_patch) {
+        patch_luxels_.insert(patch_luxels_.end(), list.begin(), list.end());
+        patch_luxel_first_.push_back(static_cast<std::uint32_t>(patch_luxels_.size()));
+    }
+
+    trace_rows();
+    const Rows rows = merge_rows();
+    double residual = 0;
+    // First everything gathered, to know what is bright and what is dark; then the lights that deserve their own rays.
+    const std::vector<Rgbd> estimate = solve(rows, gathered_emission(false), &out_.iterations, &residual);
+    choose_lights(estimate);
+    luxel_direct();
+    const std::vector<Rgbd> direct = patch_direct();
+    std::vector<Rgbd> first = gathered_emission(true);
+    for (std::size_t p = 0; p < n; ++p) first[p] += direct[p];
+    const std::vector<Rgbd> total = solve(rows, first, &out_.iterations, &residual);
+    std::vector<Rgbd> rest(n);
+    for (std::size_t p = 0; p < n; ++p) rest[p] = total[p] - direct[p];
+    reflected_ = reflected_light(rest, total);
+    coarse_ = coarse_light(rest, total);
+
+    // As many rays as the noise share of the target asks for. Noise falls about as N^-0.65 with these sequences.
+    const double wanted = 0.6 * options_.error_percent / 100;
+    const auto one_in = static_cast<std::uint32_t>(std::clamp<std::size_t>(luxels / 1500, 1, 100));
+    gather_rays_ = quality_.pilot_rays;
+    const PilotResult guess = pilot(gather_rays_, one_in);
+    if (guess.noise > 0) {
+        const double rays = quality_.pilot_rays * std::pow(guess.noise / wanted, 1 / 0.65);
+        gather_rays_ = quality_.least_rays;
+        while (gather_rays_ < quality_.most_rays && gather_rays_ < rays) gather_rays_ *= 2;
+    }
+    gather_all();
+    const PilotResult check = gather_rays_ == quality_.pilot_rays ? guess : pilot(gather_rays_, one_in);
+    fill();
+
+    ErrorReport& e = out_.error;
+    e.target = options_.error_percent;
+    e.noise = 100 * check.noise, e.patch_bias = 100 * check.bias, e.iteration = 100 * residual;
+    const double square = check.noise * check.noise + check.bias * check.bias + residual * residual;
+    const double spread = 1.96 * std::hypot(check.noise_se, check.bias_se);
+    e.estimate = 100 * std::sqrt(square);
+    e.low = 100 * std::sqrt(std::max(0.0, square - spread)), e.high = 100 * std::sqrt(square + spread);
+
+    out_.radiosity.resize(n);
+    for (std::size_t p = 0; p < n; ++p)
+        out_.radiosity[p] = patches_.patches[p].emission +
+                            static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * total[p]);
+    out_.patches = patches_.patches;
+    out_.patch_index = patches_.texel_patch;
+    out_.piece_patch = patches_.piece_patch;
+    out_.face_patch = patches_.face_patch;
+    out_.gather_rays = gather_rays_;
+    out_.rays = counts_.rays + shadow_rays_;
+    out_.escaped_rays = counts_.escaped;
+    out_.back_face_rays = counts_.back;
+    return std::move(out_);
+}
+
+// Texels that no face covers but bilinear filtering may read: means of their baked neighbours, two rings deep.
+void Bake::fill() {
+    for (std::size_t c = 0; c < surfaces_.charts.size(); ++c) {
+        const Chart& chart = surfaces_.charts[c];
+        const int w = static_cast<int>(chart.width), h = static_cast<int>(chart.height);
+        for (int pass = 0; pass < 2; ++pass) {
+            std::vector<std::uint32_t> filled;
+            for (int y = 0; y < h; ++y)
+                for (int x = 0; x < w; ++x) {
+                    const std::uint32_t texel = chart.first_texel + static_cast<std::uint32_t>(y * w + x);
+                    if (out_.valid[texel]) continue;
+                    Rgbd flat;
+                    std::array<Rgbd, 3> rnm{};
+                    double weight = 0;
+                    for (int dy = -1; dy <= 1; ++dy)
+                        for (int dx = -1; dx <= 1; ++dx) {
+                            const int u = x + dx, v = y + dy;
+                            if (u < 0 || v < 0 || u >= w || v >= h) continue;
+                            const std::uint32_t q = chart.first_texel + static_cast<std::uint32_t>(v * w + u);
+                            if (!out_.valid[q]) continue;
+                            const double k = dx && dy ? 0.5 : 1;
+                            weight += k;
+                            flat += static_cast<Rgbd>(out_.flat[q]) * k;
+                            if (cones_[c])
+                                for (std::size_t i = 0; i < 3; ++i)
+                                    rnm[i] += static_cast<Rgbd>(out_.rnm[out_.rnm_first[c] + (q - chart.first_texel)][i]) * k;
+                        }
+                    if (!(weight > 0)) continue;
+                    out_.flat[texel] = static_cast<Rgb>(flat / weight);
+                    if (cones_[c])
+                        for (std::size_t i = 0; i < 3; ++i)
+                            out_.rnm[out_.rnm_first[c] + (texel - chart.first_texel)][i] = static_cast<Rgb>(rnm[i] / weight);
+                    filled.push_back(texel);
+                }
+            for (const std::uint32_t t : filled) out_.valid[t] = 2;
+        }
+    }
+}
+
+Result<Lighting> bake_light(const World& world, const Bsp&, const PlaneTable&, const Surfaces& surfaces,
+                            const std::vector<Light>& lights, const LightOptions& options, Context& context) {
+    try {
+        Bake bake(world, surfaces, lights, options, context);
+        return bake.run();
+    } catch (const Cancelled&) {
+        return fault(Exit::cancelled, "cancelled", "stopped while baking light");
+    }
+}
+
+void validate(const Lighting& l, const Surfaces& s) {
+    KILN_CHECK_OP(l.flat.size(), ==, s.texel_count);
+    KILN_CHECK_OP(l.valid.size(), ==, s.texel_count);
+    KILN_CHECK_OP(l.patch_index.size(), ==, s.texel_count);
+    KILN_CHECK_OP(l.piece_patch.size(), ==, s.pieces.size());
+    KILN_CHECK_OP(l.face_patch.size(), ==, s.faces.size());
+    KILN_CHECK_OP(l.radiosity.size(), ==, l.patches.size());
+    KILN_CHECK_OP(l.chart_directional.size(), ==, s.charts.size());
+    for (const std::uint32_t p : l.piece_patch) KILN_CHECK_OP(p, <, l.patches.size());
+    for (const Rgb& e : l.flat)
+        for (std::size_t c = 0; c < 3; ++c) KILN_CHECK(std::isfinite(e[c]) && e[c] >= 0);
+    for (const auto& v : l.rnm)
+        for (const Rgb& e : v)
+            for (std::size_t c = 0; c < 3; ++c) KILN_CHECK(std::isfinite(e[c]));
+    for (const Rgb& b : l.radiosity)
+        for (std::size_t c = 0; c < 3; ++c) KILN_CHECK(std::isfinite(b[c]) && b[c] >= 0);
+}
+
+} // namespace kiln

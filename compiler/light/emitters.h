@@ -1,0 +1,158 @@
+// Emitters: faces that shine, lamps and sky alike, sampled explicitly where a cosine bundle would find them badly.
+//
+// The unoccluded contribution of an emitter is exact (Lambert's formula, clipped at the horizon); only visibility is
+// sampled. An emitter that is large against its distance is bisected until its parts are not.
+#pragma once
+#include "compiler/light/field.h"
+#include "libs/sampling/sobol.h"
+
+namespace kiln {
+
+struct Emitter {
+    FaceId face;
+    Rgbd radiance;
+    Vec3 normal;
+    double distance = 0;   // of its plane
+    Vec3 center;           // of the bounding ball
+    double radius = 0, area = 0;
+    std::uint32_t first_triangle = 0, triangle_count = 0; // into EmitterSet::triangles
+    std::uint32_t first_edge = 0, edge_count = 0;         // boundary, directed
+};
+
+struct EmitterTriangle {
+    Vec3 a, b, c;
+    double cumulative = 0; // area of the emitter's triangles up to and with this one
+};
+
+class EmitterSet {
+public:
+    // `sky`: radiance of the dome; faces that are sky emit it.
+    EmitterSet(const World& world, const Surfaces& surfaces, Rgbd sky);
+    std::vector<Emitter> emitters;
+    std::vector<EmitterTriangle> triangles;
+    std::vector<std::array<Vec3, 2>> edges;
+    std::vector<std::uint32_t> of_face; // per face; UINT32_MAX: does not emit
+
+    // Never less than the unoccluded form factor from x (normal n; zero: solid angle over pi instead), cheap.
+    double bound(std::uint32_t emitter, Vec3 x, Vec3 n) const;
+    // The unoccluded form factor itself, clipped at the horizon of x and 0 behind the emitter; for a zero normal the
+    // solid angle over pi.
+    double form_factor(std::uint32_t emitter, Vec3 x, Vec3 n) const;
+
+    // Points to test for visibility. Calls visit(point on the emitter, unit direction, solid angle): the solid angles
+    // are such that sum of solid angle * cosine is the exact form factor times pi, per part of the emitter.
+    // `samples`: at least this many points in all (power of two), indices first..first+samples of `points`,
+    // dimensions (2,3). `share_limit`: parts below this form factor are not split further.
+    template <class Visit>
+    void sample(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples, const Sobol& points,
+                double share_limit, const Visit& visit) const;
+
+    Vec3 point_on(std::uint32_t emitter, Vec2 u) const; // uniform by area
+
+private:
+    template <class Visit>
+    void sample_part(const Emitter& e, std::array<Vec3, 3> part, int depth, Vec3 x, Vec3 n, std::uint32_t first,
+                     std::uint32_t samples, const Sobol& points, std::uint32_t& serial, double share_limit,
+                     const Visit& visit) const;
+};
+
+double triangle_form_factor(Vec3 x, Vec3 n, const std::array<Vec3, 3>& triangle);
+
+template <class Visit>
+void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples,
+                        const Sobol& points, double share_limit, const Visit& visit) const {
+    const Emitter& e = emitters[index];
+    if (dot(e.normal, x) - e.distance <= 0) return;
+    const bool free = n == Vec3{};
+    const Vec3 to = e.center - x;
+    if (dot(to, to) > 4 * e.radius * e.radius * 2.25 && (free || dot(n, to) > e.radius)) {
+        // Far and wholly above the horizon: one part.
+        const double factor = form_factor(index, x, n);
+        if (!(factor > 0)) return;
+        double sum = 0;
+        std::array<Vec3, 64> ys;
+        std::array<double, 64> omega;
+        std::array<Vec3, 64> ways;
+        samples = std::min(samples, 64u);
+        for (std::uint32_t i = 0; i < samples; ++i) {
+            ys[i] = point_on(index, points.pair(first + i, 2));
+            const Vec3 d = ys[i] - x;
+            const double r2 = dot(d, d), r = std::sqrt(r2);
+            ways[i] = d / r;
+            omega[i] = std::max(0.0, -dot(ways[i], e.normal)) / r2;
+            sum += omega[i] * (free ? 1 : std::max(0.0, dot(ways[i], n)));
+        }
+        if (!(sum > 0)) return;
+        const double scale = factor * 3.14159265358979323846 / sum;
+        for (std::uint32_t i = 0; i < samples; ++i)
+            if (omega[i] > 0) visit(ys[i], ways[i], omega[i] * scale);
+        return;
+    }
+    std::uint32_t serial = 0;
+    for (std::uint32_t t = 0; t < e.triangle_count; ++t) {
+        const EmitterTriangle& tri = triangles[e.first_triangle + t];
+        sample_part(e, {tri.a, tri.b, tri.c}, 0, x, n, first, samples, points, serial, share_limit, visit);
+    }
+}
+
+template <class Visit>
+void EmitterSet::sample_part(const Emitter& e, std::array<Vec3, 3> part, int depth, Vec3 x, Vec3 n,
+                             std::uint32_t first, std::uint32_t samples, const Sobol& points, std::uint32_t& serial,
+                             double share_limit, const Visit& visit) const {
+    const bool free = n == Vec3{};
+    if (!free && dot(part[0] - x, n) <= 0 && dot(part[1] - x, n) <= 0 && dot(part[2] - x, n) <= 0) return;
+    const double factor = triangle_form_factor(x, n, part);
+    if (!(factor > 0)) return;
+    const std::array<Vec3, 3> side{part[1] - part[0], part[2] - part[1], part[0] - part[2]};
+    std::size_t longest = 0;
+    for (std::size_t i = 1; i < 3; ++i)
+        if (dot(side[i], side[i]) > dot(side[longest], side[longest])) longest = i;
+    const Vec3 mid = (part[0] + part[1] + part[2]) / 3.0 - x;
+    // Longest side against the distance of the middle: 1 keeps the kernel within a few per cent over the part.
+    if (depth < 12 && factor > share_limit && dot(side[longest], side[longest]) > dot(mid, mid)) {
+        const std::size_t i = longest, j = (i + 1) % 3, k = (i + 2) % 3;
+        const Vec3 m = (part[i] + part[j]) * 0.5;
+        sample_part(e, {part[i], m, part[k]}, depth + 1, x, n, first, samples, points, serial, share_limit, visit);
+        sample_part(e, {m, part[j], part[k]}, depth + 1, x, n, first, samples, points, serial, share_limit, visit);
+        return;
+    }
+    // Parts share one point set, shifted (Cranley-Patterson) by the part's number.
+    const double shift_u = serial * 0.7548776662466927, shift_v = serial * 0.5698402909980532;
+    ++serial;
+    double sum = 0;
+    constexpr std::uint32_t kMost = 4; // a part is only one of many
+    const std::uint32_t count = std::min(samples, kMost);
+    std::array<Vec3, kMost> ys, ways;
+    std::array<double, kMost> omega{};
+    for (std::uint32_t i = 0; i < count; ++i) {
+        Vec2 u = points.pair(first + i, 2);
+        u = {u.x + shift_u - std::floor(u.x + shift_u), u.y + shift_v - std::floor(u.y + shift_v)};
+        const double r = std::sqrt(u.x), wb = r * (1 - u.y), wc = r * u.y;
+        ys[i] = part[0] + (part[1] - part[0]) * wb + (part[2] - part[0]) * wc;
+        const Vec3 d = ys[i] - x;
+        const double r2 = dot(d, d);
+        ways[i] = d / std::sqrt(r2);
+        const double cosine = free ? 1 : dot(ways[i], n);
+        if (cosine > 0) omega[i] = std::max(0.0, -dot(ways[i], e.normal)) / r2;
+        sum += omega[i] * std::max(0.0, cosine);
+    }
+    if (!(sum > 0)) return; // all points below the horizon: the part is a sliver of light there
+    const double scale = factor * 3.14159265358979323846 / sum;
+    for (std::uint32_t i = 0; i < count; ++i)
+        if (omega[i] > 0) visit(ys[i], ways[i], omega[i] * scale);
+}
+
+// What one light entity sends to x: `weight` is irradiance on a plane facing `direction`. False: nothing.
+// Sun: `u` chooses a direction within its disc. Visibility is not asked.
+struct LightSample {
+    Vec3 direction;     // unit, from x to the light
+    Rgbd weight;        // times cosine: irradiance
+    Rgbd ambient;       // Quake's anglescale: the part that does not fall with the cosine (arrives along the normal)
+    Vec3 position;      // point and spot
+    bool distant = false; // sun: visible where a ray reaches the sky
+};
+bool sample_light(const Light& light, Vec3 x, Vec3 n, Vec2 u, LightSample* out);
+// An upper bound of the mean irradiance it can bring to a ball around x.
+double light_bound(const Light& light, Vec3 x, double radius);
+
+} // namespace kiln

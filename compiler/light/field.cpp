@@ -1,0 +1,187 @@
+// The baked scene asked for incoming light at any point.
+#include "compiler/light/field_data.h"
+#include "libs/sampling/maps.h"
+#include <numbers>
+
+namespace kiln {
+namespace {
+constexpr double kPi = std::numbers::pi;
+// Directions for kernels that need not fall with the cosine: see HemisphereMap.
+constexpr HemisphereMap kFieldMap{0.6};
+} // namespace
+
+Rgbd LightField::Data::reflected(const SceneHit& hit) const {
+    const Face& face = surfaces.faces[hit.face.at()];
+    std::uint32_t patch = lighting.face_patch[hit.face.at()];
+    if (face.chart.valid()) {
+        const Chart& chart = surfaces.charts[face.chart.at()];
+        const std::uint32_t texel = index.texel_at(chart, hit.position);
+        if (lighting.patch_index[texel] < kMixedPatch && lighting.valid[texel] == 1)
+            return static_cast<Rgbd>(texel_reflected[texel]);
+        const std::uint32_t piece = index.piece_at(hit.face, chart, hit.position);
+        patch = piece == UINT32_MAX ? kNoPatch : lighting.piece_patch[piece];
+    }
+    return patch == kNoPatch ? Rgbd{} : static_cast<Rgbd>(patch_reflected[patch]);
+}
+
+std::uint32_t LightField::Data::emitter(const SceneHit& hit, Vec3 direction) const {
+    if (dot(surfaces.faces[hit.face.at()].normal, direction) >= 0) return UINT32_MAX;
+    return emitters.of_face[hit.face.at()];
+}
+
+Vec3 LightField::Data::origin_at(Vec3 point, Vec3 normal) const {
+    if (normal == Vec3{}) return point;
+    constexpr double kReach = 0.25; // map units: how far off its face a given point may be
+    const Vec3 above = point + normal * kReach;
+    const std::optional<SceneHit> hit = scene.closest(above, -normal, 2 * kReach);
+    if (hit && !hit->back && dot(surfaces.faces[hit->face.at()].normal, normal) > 0.5)
+        return hit->position + normal * scene.push_off();
+    return point + normal * scene.push_off();
+}
+
+LightField::LightField(const World& world, const Bsp&, const PlaneTable&, const Surfaces& surfaces,
+                       const std::vector<Light>& lights, const Lighting& lighting)
+    : data_(new Data{world, surfaces, lights, lighting, TraceScene(world, surfaces), LuxelIndex(surfaces),
+                     EmitterSet(world, surfaces, sky_radiance(lights)), sky_radiance(lights), {}, {}}) {
+    Data& d = *data_;
+    constexpr double inv_pi = 1 / kPi;
+    d.patch_reflected.resize(lighting.patches.size());
+    for (std::size_t p = 0; p < lighting.patches.size(); ++p)
+        d.patch_reflected[p] = (lighting.radiosity[p] - lighting.patches[p].emission) * static_cast<float>(inv_pi);
+    d.texel_reflected.resize(lighting.flat.size());
+    for (const Luxel& l : surfaces.luxels) {
+        const Chart& c = surfaces.charts[l.chart.at()];
+        const std::size_t texel = c.first_texel + l.y * c.width + l.x;
+        const std::uint32_t patch = lighting.patch_index[texel];
+        if (patch < kMixedPatch)
+            d.texel_reflected[texel] = static_cast<Rgb>(static_cast<Rgbd>(lighting.patches[patch].reflectance) *
+                                                        static_cast<Rgbd>(lighting.flat[texel]) * inv_pi);
+    }
+}
+LightField::~LightField() = default;
+
+const TraceScene& LightField::scene() const { return data_->scene; }
+const LightField::Data& LightField::data() const { return *data_; }
+
+void LightField::arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const {
+    arriving_direct(point, normal, seed, arrival);
+    arriving_rest(point, normal, rays, seed, arrival);
+}
+
+void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, const Arrival& arrival) const {
+    const Data& d = *data_;
+    const Vec3 x = d.origin_at(point, normal);
+    for (std::size_t i = 0; i < d.lights.size(); ++i) {
+        const Light& light = d.lights[i];
+        const bool disc = light.kind == LightKind::sun && light.angular_radius_rad > 0;
+        const std::uint32_t samples = disc ? 64 : 1;
+        const Sobol points(mix(seed, i, std::uint64_t{21}));
+        for (std::uint32_t k = 0; k < samples; ++k) {
+            LightSample s;
+            if (!sample_light(light, x, normal, points.pair(k, 0), &s)) continue;
+            if (!(s.distant ? d.scene.reaches_sky(x, s.direction) : !d.scene.occluded(x, s.position))) continue;
+            arrival(s.direction, s.weight * (1.0 / samples));
+            if (light.angle_scale < 1) arrival(normal == Vec3{} ? s.direction : normal, s.ambient * (1.0 / samples));
+        }
+    }
+}
+
+void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const {
+    const Data& d = *data_;
+    const bool free = normal == Vec3{};
+    const Vec3 x = d.origin_at(point, normal);
+    rays = std::max(rays, 4u);
+    const Sobol points(mix(seed, std::uint64_t{22}));
+    const Frame frame = free ? Frame{} : frame_around(normal);
+    std::vector<Vec3> origins(rays, x), directions(rays);
+    std::vector<double> solid(rays);
+    for (std::uint32_t i = 0; i < rays; ++i) {
+        const Vec2 u = points.pair(i, 0);
+        if (free) {
+            directions[i] = uniform_sphere(u);
+            solid[i] = 4 * kPi / rays;
+        } else {
+            const Vec3 local = kFieldMap.direction(u);
+            directions[i] = frame.world(local);
+            solid[i] = 1 / (kFieldMap.density(local.z) * rays);
+        }
+    }
+    std::vector<std::optional<SceneHit>> hits(rays);
+    d.scene.closest(origins, directions, hits);
+    std::vector<Rgbd> radiance(rays);
+    std::vector<std::uint32_t> emitter(rays, UINT32_MAX);
+    Rgbd total;
+    for (std::uint32_t i = 0; i < rays; ++i) {
+        const double k = free ? 0.25 : dot(directions[i], normal); // mean of max(0, cos) over axes
+        if (!hits[i]) {
+            radiance[i] = d.sky;
+        } else if (!hits[i]->back) {
+            emitter[i] = d.emitter(*hits[i], directions[i]);
+            radiance[i] = d.reflected(*hits[i]);
+            if (emitter[i] != UINT32_MAX) total += d.emitters.emitters[emitter[i]].radiance * (solid[i] * k);
+        }
+        total += radiance[i] * (solid[i] * k);
+    }
+    // Emitters whose light would be noisy in the bundle get rays of their own, if a few test rays see them at all.
+    const double e = mean(total), background = e / kPi;
+    std::vector<std::uint8_t> listed(d.emitters.emitters.size());
+    const std::uint32_t samples = std::clamp(rays / 32, 4u, 64u);
+    for (std::uint32_t i = 0; i < listed.size(); ++i) {
+        const Emitter& emitter_i = d.emitters.emitters[i];
+        const double contrast = mean(emitter_i.radiance) - background;
+        if (contrast <= 0) continue;
+        const double least = 0.003 * e * std::sqrt(static_cast<double>(rays)) / (0.5 * kPi * contrast); // of sqrt(F)
+        if (d.emitters.bound(i, x, normal) <= std::min(0.5, least * least)) continue;
+        const double factor = d.emitters.form_factor(i, x, normal);
+        if (factor <= std::min(0.5, least * least)) continue;
+        const Vec3 off = emitter_i.normal * d.scene.push_off();
+        const Sobol test(mix(seed, i, std::uint64_t{23})), light(mix(seed, i, std::uint64_t{24}));
+        for (std::uint32_t k = 0; k < 16 && !listed[i]; ++k) {
+            const Vec3 y = d.emitters.point_on(i, test.pair(k, 0)) + off;
+            if (!free && dot(y - x, normal) <= 0) continue;
+            listed[i] = !d.scene.occluded(x, y);
+        }
+        if (!listed[i]) continue;
+        d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, [&](Vec3 y, Vec3 way, double omega) {
+            if (!d.scene.occluded(x, y + off)) arrival(way, emitter_i.radiance * omega);
+        });
+    }
+    for (std::uint32_t i = 0; i < rays; ++i) {
+        if (emitter[i] != UINT32_MAX && !listed[emitter[i]]) radiance[i] += d.emitters.emitters[emitter[i]].radiance;
+        if (max_component(radiance[i]) > 0) arrival(directions[i], radiance[i] * solid[i]);
+    }
+}
+
+Rgb LightField::radiance(Vec3 origin, Vec3 unit_direction, SceneHit* out) const {
+    const Data& d = *data_;
+    const std::optional<SceneHit> hit = d.scene.closest(origin, unit_direction);
+    if (!hit) return static_cast<Rgb>(d.sky);
+    if (out) *out = *hit;
+    if (hit->back) return {};
+    Rgbd emitted;
+    const std::uint32_t e = d.emitter(*hit, unit_direction);
+    if (e != UINT32_MAX) emitted = d.emitters.emitters[e].radiance;
+    const Face& face = d.surfaces.faces[hit->face.at()];
+    if (!face.chart.valid()) return static_cast<Rgb>(emitted + d.reflected(*hit));
+    // As an engine shows it: four texels, bilinear; texels of no face left out.
+    const Chart& chart = d.surfaces.charts[face.chart.at()];
+    const Vec3 p = hit->position - chart.origin;
+    const double x = dot(p, chart.s) / chart.luxel_size - 0.5, y = dot(p, chart.t) / chart.luxel_size - 0.5;
+    const double x0 = std::floor(x), y0 = std::floor(y);
+    Rgbd sum;
+    double weight = 0;
+    for (int j = 0; j < 2; ++j)
+        for (int i = 0; i < 2; ++i) {
+            const double u = x0 + i, v = y0 + j;
+            if (u < 0 || v < 0 || u >= chart.width || v >= chart.height) continue;
+            const std::size_t texel = chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u);
+            if (!d.lighting.valid[texel]) continue;
+            const double w = (i ? x - x0 : 1 - x + x0) * (j ? y - y0 : 1 - y + y0);
+            sum += static_cast<Rgbd>(d.lighting.flat[texel]) * w, weight += w;
+        }
+    if (!(weight > 0)) return static_cast<Rgb>(emitted + d.reflected(*hit));
+    const Rgbd rho = face.drawn ? static_cast<Rgbd>(d.world.materials[face.material.at()].reflectance) : Rgbd{};
+    return static_cast<Rgb>(emitted + rho * sum * (1 / (weight * kPi)));
+}
+
+} // namespace kiln

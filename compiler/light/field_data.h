@@ -1,0 +1,26 @@
+// What a LightField holds; shared with the path tracer of this folder.
+#pragma once
+#include "compiler/light/bake.h"
+
+namespace kiln {
+
+struct LightField::Data {
+    const World& world;
+    const Surfaces& surfaces;
+    const std::vector<Light>& lights;
+    const Lighting& lighting;
+    TraceScene scene;
+    LuxelIndex index;
+    EmitterSet emitters;
+    Rgbd sky;
+    std::vector<Rgb> texel_reflected, patch_reflected; // radiance
+
+    // Radiance reflected at a hit: the luxel's, or the patch's where a texel is shared by several.
+    Rgbd reflected(const SceneHit& hit) const;
+    // The emitter that shines from a hit, seen from its front; UINT32_MAX: none.
+    std::uint32_t emitter(const SceneHit& hit, Vec3 direction) const;
+    // Where rays from a point on a surface start: pushed off the face it lies on, wherever the given point was rounded to.
+    Vec3 origin_at(Vec3 point, Vec3 normal) const;
+};
+
+} // namespace kiln

@@ -1,0 +1,297 @@
+// The final gather: a guided bundle from every luxel, all kernels at once.
+#include "compiler/light/bake.h"
+#include "libs/parallel/parallel.h"
+#include "libs/sampling/maps.h"
+#include <numbers>
+
+namespace kiln {
+namespace {
+constexpr double kPi = std::numbers::pi;
+double luminance(Rgbd c) { return mean(c); }
+} // namespace
+
+Vec3 HemisphereMap::direction(Vec2 square) const {
+    const Vec2 d = concentric_disc(square);
+    const double r2 = dot(d, d), u = std::max(0.0, 1 - r2);
+    if (a >= 1) return {d.x, d.y, std::sqrt(u)};
+    // Solve a z^2 + (1 - a) z = u.
+    const double z = 2 * u / ((1 - a) + std::sqrt((1 - a) * (1 - a) + 4 * a * u));
+    const double s = r2 > 0 ? std::sqrt(std::max(0.0, 1 - z * z) / r2) : 0;
+    return {d.x * s, d.y * s, z};
+}
+
+Vec2 HemisphereMap::from_cosine(Vec2 square) const {
+    if (a >= 1) return square;
+    const Vec2 c{2 * square.x - 1, 2 * square.y - 1};
+    const double r = std::max(std::abs(c.x), std::abs(c.y));
+    if (!(r > 0)) return square;
+    const double z = std::sqrt(std::max(0.0, 1 - r * r));
+    const double scale = std::sqrt(std::max(0.0, 1 - (a * z + 1 - a) * z)) / r;
+    return {(c.x * scale + 1) / 2, (c.y * scale + 1) / 2};
+}
+
+void Guide::clear() { cell_.fill(0); }
+
+void Guide::add(Vec2 square, double light) {
+    const int x = std::clamp(static_cast<int>(square.x * kSide), 0, kSide - 1);
+    const int y = std::clamp(static_cast<int>(square.y * kSide), 0, kSide - 1);
+    cell_[static_cast<std::size_t>(x * kSide + y)] += light;
+}
+
+void Guide::build() {
+    std::array<double, kSide * kSide> blurred{};
+    double sum = 0;
+    for (int x = 0; x < kSide; ++x)
+        for (int y = 0; y < kSide; ++y) {
+            double value = 0, weight = 0;
+            for (int dx = -1; dx <= 1; ++dx)
+                for (int dy = -1; dy <= 1; ++dy) {
+                    const int u = x + dx, v = y + dy;
+                    if (u < 0 || v < 0 || u >= kSide || v >= kSide) continue;
+                    const double w = (dx ? 1 : 2) * (dy ? 1 : 2);
+                    value += w * cell_[static_cast<std::size_t>(u * kSide + v)], weight += w;
+                }
+            sum += blurred[static_cast<std::size_t>(x * kSide + y)] = value / weight;
+        }
+    uniform_ = !(sum > 0);
+    if (uniform_) return;
+    marginal_[0] = 0;
+    for (std::size_t x = 0; x < kSide; ++x) {
+        row_[x][0] = 0;
+        for (std::size_t y = 0; y < kSide; ++y) {
+            const double p = (kUniformShare / (kSide * kSide)) + (1 - kUniformShare) * blurred[x * kSide + y] / sum;
+            row_[x][y + 1] = row_[x][y] + p;
+        }
+        marginal_[x + 1] = marginal_[x] + row_[x][kSide];
+    }
+}
+
+Vec2 Guide::sample(Vec2 u, double* density) const {
+    *density = 1;
+    if (uniform_) return u;
+    const auto invert = [](const std::array<double, kSide + 1>& cdf, double v, std::size_t* cell) {
+        const double wanted = v * cdf[kSide];
+        std::size_t lo = 0;
+        for (std::size_t step = kSide / 2; step; step /= 2)
+            if (cdf[lo + step] <= wanted) lo += step;
+        *cell = lo;
+        return (static_cast<double>(lo) + std::clamp((wanted - cdf[lo]) / (cdf[lo + 1] - cdf[lo]), 0.0, 1.0)) / kSide;
+    };
+    std::size_t x = 0, y = 0;
+    const double sx = invert(marginal_, u.x, &x);
+    const double sy = invert(row_[x], u.y, &y);
+    *density = (row_[x][y + 1] - row_[x][y]) * kSide * kSide / marginal_[kSide];
+    return {sx, sy};
+}
+
+void Bake::patch_guide(std::uint32_t p, const HemisphereMap& map, Guide* guide) const {
+    guide->clear();
+    const Sobol points(seed_at(patches_.patches[p].centroid, 1)); // the bundle of trace_rows
+    const std::uint32_t m = quality_.row_rays;
+    for (std::uint32_t i = 0; i < m; ++i) {
+        const std::uint32_t hit = hits_[static_cast<std::size_t>(p) * m + i];
+        double light = 0;
+        std::uint32_t emitter = UINT32_MAX;
+        if (is_patch(hit)) {
+            light = luminance(static_cast<Rgbd>(reflected_.patch[hit]));
+            emitter = patch_emitter_[hit];
+        } else if (hit < kHitBlack) {
+            emitter = hit & ~kHitEmitter;
+        }
+        if (emitter != UINT32_MAX && !listed(p, emitter)) light += luminance(emitters_.emitters[emitter].radiance);
+        if (light > 0) guide->add(map.from_cosine(points.pair(i, 0)), light);
+    }
+    guide->build();
+}
+
+LuxelGather Bake::gather(std::uint32_t l, const Guide& guide, const HemisphereMap& map, std::uint32_t rays,
+                         std::uint64_t seed, const ReflectedLight* coarse, Rgbd* coarse_flat) const {
+    LuxelGather out;
+    const Luxel& luxel = surfaces_.luxels[l];
+    const Footprint footprint = footprint_of_luxel(l);
+    if (footprint.empty()) return out;
+    const std::uint32_t patch = luxel_patch_[l];
+    const LuxelKernel kernel = kernel_of(l);
+    const Vec3 normal = surfaces_.charts[luxel.chart.at()].n;
+    const Frame frame = frame_around(normal);
+    const Vec3 lift = normal * scene_.push_off();
+    const Rgbd sky = sky_radiance(lights_);
+    const Sobol points(seed);
+    thread_local std::vector<Vec3> origins, directions;
+    thread_local std::vector<double> weights;
+    thread_local std::vector<std::optional<SceneHit>> found;
+    origins.resize(rays), directions.resize(rays), weights.resize(rays), found.resize(rays);
+    for (std::uint32_t i = 0; i < rays; ++i) {
+        double density = 1;
+        const Vec2 square = guide.sample(points.pair(i, 0), &density);
+        const Vec3 local = map.direction(square);
+        directions[i] = frame.world(local);
+        weights[i] = 1 / (density * map.density(local.z)); // solid angle times rays
+        origins[i] = footprint.sample(points.pair(i, 2)) + lift;
+    }
+    scene_.closest(origins, directions, found);
+    out.hits.rays = rays;
+    // Besides the sums, what a regression on the known integral of the kernels needs (unit radiance as control).
+    std::array<double, 4> unit{};
+    Rgbd cross_sum;
+    double unit_square = 0;
+    std::array<Rgbd, 4> quarter{};
+    for (std::uint32_t i = 0; i < rays; ++i) {
+        const std::array<double, 4> k = kernel.values(directions[i]);
+        Rgbd radiance;
+        if (!found[i]) {
+            radiance = sky;
+            ++out.hits.escaped;
+        } else if (found[i]->back) {
+            ++out.hits.back;
+        } else {
+            radiance = reflected_radiance(surfaces_, index_, patches_, reflected_, *found[i]);
+            Rgbd emitted;
+            const std::uint32_t emitter = emitters_.of_face[found[i]->face.at()];
+            if (emitter != UINT32_MAX && !listed(patch, emitter)) emitted = emitters_.emitters[emitter].radiance;
+            radiance += emitted;
+            if (coarse)
+                *coarse_flat += (reflected_radiance(surfaces_, index_, patches_, *coarse, *found[i]) + emitted) *
+                                (weights[i] * k[0] / rays);
+        }
+        const double w = weights[i];
+        const Rgbd flat = radiance * (w * k[0]);
+        out.sum.flat += flat;
+        quarter[i * 4 / rays] += flat;
+        unit[0] += w * k[0];
+        unit_square += w * k[0] * w * k[0];
+        cross_sum += flat * (w * k[0]);
+        if (kernel.cone)
+            for (std::size_t j = 0; j < 3; ++j) out.sum.rnm[j] += radiance * (w * k[j + 1]), unit[j + 1] += w * k[j + 1];
+    }
+    const double n = rays;
+    out.sum *= 1 / n;
+    for (double& u : unit) u /= n;
+    // Control variate: E = mean(L w) - beta (mean(w) - pi), beta by regression. Where all radiance is alike the result
+    // is exact; where the guide has done its work beta is near zero by itself.
+    const double spread = unit_square / n - unit[0] * unit[0];
+    if (spread > 1e-9 && dot(kernel.frame.n, normal) > 1 - 1e-9) {
+        const Rgbd beta = (cross_sum / n - out.sum.flat * unit[0]) / spread;
+        const std::array<double, 4> exact = kernel.integrals();
+        out.sum.flat -= beta * (unit[0] - exact[0]);
+        if (kernel.cone)
+            for (std::size_t j = 0; j < 3; ++j) out.sum.rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
+        if (coarse) *coarse_flat -= beta * (unit[0] - exact[0]);
+        for (std::size_t c = 0; c < 3; ++c) out.sum.flat[c] = std::max(0.0, out.sum.flat[c]);
+    }
+    double m = 0, square = 0;
+    for (const Rgbd& q : quarter) {
+        const double v = mean(q) * 4 / n;
+        m += v / 4, square += v * v / 4;
+    }
+    out.variance = std::max(0.0, square - m * m) / 3;
+    return out;
+}
+
+// Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no reference
+// needed; the same rays looked up in patches of twice the size show how much the patches still matter.
+Bake::PilotResult Bake::pilot(std::uint32_t rays, std::uint32_t one_in) {
+    constexpr std::uint32_t kReplicates = 4;
+    std::vector<std::uint32_t> chosen;
+    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
+        if (luxel_patch_[l] != kNoPatch && seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0) chosen.push_back(l);
+    struct Result { std::array<Rgbd, kReplicates> value; Rgbd fine, coarse; double area = 0; };
+    std::vector<Result> results(chosen.size());
+    constexpr std::size_t kChunk = 8;
+    parallel_for(context_, "light: pilot", (chosen.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+        Guide guide;
+        for (std::size_t i = chunk * kChunk; i < std::min(chosen.size(), (chunk + 1) * kChunk); ++i) {
+            const std::uint32_t l = chosen[i];
+            const Luxel& luxel = surfaces_.luxels[l];
+            const Chart& chart = surfaces_.charts[luxel.chart.at()];
+            const HemisphereMap map = map_of(l);
+            patch_guide(luxel_patch_[l], map, &guide);
+            const Footprint footprint = footprint_of_luxel(l);
+            const LuxelKernel kernel = kernel_of(l);
+            for (std::uint32_t r = 0; r < kReplicates; ++r) {
+                const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
+                Rgbd coarse;
+                const LuxelGather g = gather(l, guide, map, rays, seed, &coarse_, &coarse);
+                KernelSum direct;
+                std::uint64_t shadow = 0;
+                direct_at(footprint, chart.n, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow);
+                results[i].value[r] = g.sum.flat + direct.flat;
+                results[i].fine += g.sum.flat / kReplicates, results[i].coarse += coarse / kReplicates;
+            }
+            results[i].area = luxel.area * chart.luxel_size * chart.luxel_size;
+        }
+    });
+    PilotResult out;
+    double area = 0;
+    Rgbd mean_value;
+    for (const Result& r : results) {
+        for (const Rgbd& v : r.value) mean_value += v * (r.area / kReplicates);
+        area += r.area;
+    }
+    if (!(area > 0)) return out;
+    mean_value = mean_value / area;
+    out.mean = mean(mean_value);
+    double noise = 0, noise2 = 0, bias = 0, bias2 = 0;
+    for (const Result& r : results) {
+        double variance = 0, shift = 0;
+        for (std::size_t c = 0; c < 3; ++c) {
+            double m = 0, s = 0;
+            for (const Rgbd& v : r.value) m += v[c] / kReplicates;
+            for (const Rgbd& v : r.value) s += (v[c] - m) * (v[c] - m) / (kReplicates - 1);
+            const double scale = std::max(m, options_.error_floor * mean_value[c]);
+            if (!(scale > 0)) continue;
+            variance += s / (scale * scale) / 3;
+            // Error falls with the square of the patch size: the difference to twice the size is three times it.
+            const double d = (r.coarse[c] - r.fine[c]) / (3 * scale);
+            shift += d * d / 3;
+        }
+        noise += variance * r.area, noise2 += variance * variance * r.area;
+        bias += shift * r.area, bias2 += shift * shift * r.area;
+    }
+    const double n = static_cast<double>(results.size());
+    noise /= area, bias /= area;
+    out.noise = std::sqrt(noise), out.bias = std::sqrt(bias);
+    out.noise_se = std::sqrt(std::max(0.0, noise2 / area - noise * noise) / n);
+    out.bias_se = std::sqrt(std::max(0.0, bias2 / area - bias * bias) / n);
+    return out;
+}
+
+void Bake::gather_all() {
+    constexpr std::size_t kChunk = 16; // patches: their luxels share a guide
+    const std::size_t n = patches_.patches.size();
+    std::vector<HitCounts> counts((n + kChunk - 1) / kChunk);
+    std::vector<std::uint8_t> covered(surfaces_.luxels.size());
+    parallel_for(context_, "light: gather", counts.size(), [&](std::size_t chunk) {
+        Guide guide;
+        for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
+            bool built = false;
+            for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
+                const std::uint32_t l = patch_luxels_[k];
+                const Luxel& luxel = surfaces_.luxels[l];
+                const Chart& chart = surfaces_.charts[luxel.chart.at()];
+                const HemisphereMap map = map_of(l);
+                if (!built) patch_guide(static_cast<std::uint32_t>(p), map, &guide), built = true;
+                const LuxelGather g = gather(l, guide, map, gather_rays_, seed_at(luxel_centroid(luxel), 4));
+                counts[chunk] += g.hits;
+                const std::size_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
+                // Inside something that the exact geometry does not know to be solid (a brush model in a wall): filled
+                // from the neighbours.
+                if (g.hits.back * 2 > g.hits.rays) {
+                    covered[l] = 1;
+                    continue;
+                }
+                KernelSum sum = direct_[l];
+                sum += g.sum;
+                out_.flat[texel] = static_cast<Rgb>(sum.flat);
+                out_.valid[texel] = 1;
+                const double e = mean(sum.flat);
+                out_.texel_error[texel] = e > 0 ? static_cast<float>(std::sqrt(g.variance) / e) : 0;
+                if (cones_[luxel.chart.at()])
+                    out_.rnm[out_.rnm_first[luxel.chart.at()] + (texel - chart.first_texel)] = kernel_of(l).finish(sum);
+            }
+        }
+    });
+    for (const HitCounts& c : counts) counts_ += c;
+}
+
+} // namespace kiln

@@ -1,0 +1,83 @@
+// Kernels: what an incoming ray adds to the numbers stored for a luxel.
+//
+// All encodings are linear in the incoming light, l_i = integral of L(w) K_i(w), so that one bundle of rays serves
+// the flat value and the three directional ones. Frames: local z is the shading normal; the basis is
+//     b0 = (sqrt(2/3), 0, 1/sqrt 3)   b1,2 = (-1/sqrt 6, +-1/sqrt 2, 1/sqrt 3).
+//
+// dot      E~(n) = sum l_i (b_i . n). K_i = cos+/sqrt 3 + g(theta) (b_i,t . phi^), the least-squares fit of the
+//          irradiance of all normals within a cone subject to E~(z) = E(z); sum l_i / sqrt 3 is E(z) identically.
+// sq       E~(n) = sum w_i l_i / sum w_i, w_i = max(0, b_i . n)^2. Accumulated: m_i = integral of p(n) w^_i E(n)
+//          (linear); stored: the non-negative least squares vector whose mean is E(z) (`finish`).
+// tilted   l_i = E(b_i).
+#pragma once
+#include "compiler/light/light.h"
+#include <memory>
+
+namespace kiln {
+
+inline const std::array<Vec3, 3> kRnmBasis{Vec3{std::sqrt(2.0 / 3), 0, 1 / std::sqrt(3.0)},
+                                           Vec3{-1 / std::sqrt(6.0), 1 / std::sqrt(2.0), 1 / std::sqrt(3.0)},
+                                           Vec3{-1 / std::sqrt(6.0), -1 / std::sqrt(2.0), 1 / std::sqrt(3.0)}};
+
+struct KernelSum {
+    Rgbd flat;
+    std::array<Rgbd, 3> rnm{};
+    KernelSum& operator+=(const KernelSum& o) {
+        flat += o.flat;
+        for (std::size_t i = 0; i < 3; ++i) rnm[i] += o.rnm[i];
+        return *this;
+    }
+    KernelSum& operator*=(double s) {
+        flat *= s;
+        for (Rgbd& r : rnm) r *= s;
+        return *this;
+    }
+};
+
+// Tables of one cone of normals (uniform over the cone, weights sum to one).
+class ConeTable {
+public:
+    ConeTable(RnmEncoding encoding, double cone_deg);
+    // g(theta) / sin(theta): 1 wherever no normal of the cone loses the light behind its horizon.
+    double tangential(double cos_theta) const {
+        const double x = (cos_theta + 1) * (0.5 * kNodes);
+        const int i = std::clamp(static_cast<int>(x), 0, kNodes - 1);
+        const double f = std::clamp(x - i, 0.0, 1.0);
+        const auto k = static_cast<std::size_t>(i);
+        return tangential_[k] + (tangential_[k + 1] - tangential_[k]) * f;
+    }
+    double moment(double cos_theta, double azimuth_turns) const; // of basis vector 0, sq
+    double gram_scale() const { return gram_scale_; }            // a - b of the Gram matrix of the w^_i
+    double uniform_moment() const { return uniform_moment_; }    // integral of the moment kernel over the hemisphere
+
+private:
+    static constexpr int kNodes = 512, kRows = 64, kColumns = 96;
+    std::vector<double> tangential_;
+    std::vector<float> moment_;
+    double gram_scale_ = 1, uniform_moment_ = 0;
+};
+
+// The kernel of one luxel.
+struct LuxelKernel {
+    Frame frame;                       // around the shading normal
+    RnmEncoding encoding = RnmEncoding::dot;
+    const ConeTable* cone = nullptr;   // none: flat only
+    // The flat kernel and the three directional ones (0 where there is no cone).
+    std::array<double, 4> values(Vec3 direction) const;
+    // Their integrals over the hemisphere of frame.n.
+    std::array<double, 4> integrals() const;
+    // Light from `direction` (unit): `weight` = radiance times solid angle.
+    void add(KernelSum& sum, Vec3 direction, Rgbd weight) const {
+        const std::array<double, 4> k = values(direction);
+        sum.flat += weight * k[0];
+        if (!cone) return;
+        for (std::size_t i = 0; i < 3; ++i) sum.rnm[i] += weight * k[i + 1];
+    }
+    // From the sums to what is stored.
+    std::array<Rgb, 3> finish(const KernelSum& sum) const;
+};
+
+// E~ of stored values for a local normal (unit): the run-time formulas.
+Rgbd rnm_evaluate(RnmEncoding encoding, const std::array<Rgb, 3>& stored, Vec3 local_normal);
+
+} // namespace kiln

@@ -1,0 +1,19 @@
+// Lambert's formula: the share of a diffuse receiver's hemisphere that a polygon fills, cosine weighted.
+#pragma once
+#include "libs/math/vec.h"
+#include <span>
+
+namespace kiln {
+
+// Form factor from a point x with unit normal n to a convex polygon, clipped at the horizon of x; whichever way the
+// polygon faces. Edge angles by atan2, which stays right beyond 90 degrees where asin folds back.
+double lambert_form_factor(Vec3 x, Vec3 n, std::span<const Vec3> convex);
+
+// The part of one directed edge (a to b) in the sum: gamma * dot(n, unit normal of the triangle x a b). Over the
+// boundary of a planar region wholly above the horizon these add up to 2 pi times the form factor.
+double lambert_edge(Vec3 x, Vec3 n, Vec3 a, Vec3 b);
+
+// Solid angle of a triangle (A. van Oosterom and J. Strackee 1983).
+double solid_angle(Vec3 x, Vec3 a, Vec3 b, Vec3 c);
+
+} // namespace kiln

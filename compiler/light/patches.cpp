@@ -1,0 +1,324 @@
+#include "compiler/light/patches.h"
+#include "libs/core/check.h"
+#include "libs/sampling/maps.h"
+#include <map>
+#include <numbers>
+#include <numeric>
+#include <unordered_map>
+
+namespace kiln {
+namespace {
+
+constexpr double kTouch = 1e-5;       // luxel units: coordinates of neighbouring pieces are rounded separately
+constexpr double kShortestEdge = 1e-3; // luxel units: contact shorter than this carries no light worth joining for
+constexpr double kInset = 1 - 0x1p-9; // footprint cells shrink to this share of themselves
+
+bool whole(const Surfaces& s, const Luxel& l) {
+    return l.piece_count == 1 && l.area > 1 - 1e-6f && s.pieces[l.first_piece].point_count == 4;
+}
+
+// Do two convex polygons share a stretch of edge?
+bool share_edge(std::span<const Vec2> a, std::span<const Vec2> b) {
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        const Vec2 p = a[i], d = a[(i + 1) % a.size()] - p;
+        const double len = std::sqrt(dot(d, d));
+        if (len < kShortestEdge) continue;
+        const Vec2 u = d * (1 / len);
+        for (std::size_t j = 0; j < b.size(); ++j) {
+            const Vec2 q = b[j] - p, r = b[(j + 1) % b.size()] - p;
+            if (std::abs(cross(u, q)) > kTouch || std::abs(cross(u, r)) > kTouch) continue;
+            const double lo = std::max(0.0, std::min(dot(u, q), dot(u, r)));
+            const double hi = std::min(len, std::max(dot(u, q), dot(u, r)));
+            if (hi - lo > kShortestEdge) return true;
+        }
+    }
+    return false;
+}
+
+struct UnionFind {
+    std::vector<std::uint32_t> parent;
+    explicit UnionFind(std::size_t n) : parent(n) { std::iota(parent.begin(), parent.end(), 0u); }
+    std::uint32_t find(std::uint32_t i) {
+        while (parent[i] != i) i = parent[i] = parent[parent[i]];
+        return i;
+    }
+    void join(std::uint32_t a, std::uint32_t b) { // the smaller id is the root
+        a = find(a), b = find(b);
+        if (a != b) parent[std::max(a, b)] = std::min(a, b);
+    }
+};
+
+} // namespace
+
+double polygon_area(std::span<const Vec2> p) {
+    double sum = 0;
+    for (std::size_t i = 1; i + 1 < p.size(); ++i) sum += cross(p[i] - p[0], p[i + 1] - p[0]);
+    return std::abs(sum) / 2;
+}
+
+LuxelIndex::LuxelIndex(const Surfaces& surfaces) : surfaces_(surfaces), texel_luxel_(surfaces.texel_count, UINT32_MAX) {
+    for (std::size_t i = 0; i < surfaces.luxels.size(); ++i) {
+        const Luxel& l = surfaces.luxels[i];
+        const Chart& c = surfaces.charts[l.chart.at()];
+        texel_luxel_[c.first_texel + l.y * c.width + l.x] = static_cast<std::uint32_t>(i);
+    }
+}
+
+std::uint32_t LuxelIndex::texel_at(const Chart& c, Vec3 point) const {
+    const Vec3 d = point - c.origin;
+    const double x = std::clamp(std::floor(dot(d, c.s) / c.luxel_size), 0.0, c.width - 1.0);
+    const double y = std::clamp(std::floor(dot(d, c.t) / c.luxel_size), 0.0, c.height - 1.0);
+    return c.first_texel + static_cast<std::uint32_t>(y) * c.width + static_cast<std::uint32_t>(x);
+}
+
+std::uint32_t LuxelIndex::piece_at(FaceId face, const Chart& c, Vec3 point) const {
+    const Vec3 d = point - c.origin;
+    const Vec2 p{dot(d, c.s) / c.luxel_size, dot(d, c.t) / c.luxel_size};
+    const std::uint32_t texel = texel_at(c, point) - c.first_texel;
+    const int x0 = static_cast<int>(texel % c.width), y0 = static_cast<int>(texel / c.width);
+    std::uint32_t best = UINT32_MAX;
+    double best_out = 1e30; // how far the point is outside the piece
+    const auto look = [&](int x, int y) {
+        if (x < 0 || y < 0 || x >= static_cast<int>(c.width) || y >= static_cast<int>(c.height)) return;
+        const std::uint32_t l = texel_luxel_[c.first_texel + static_cast<std::uint32_t>(y) * c.width + static_cast<std::uint32_t>(x)];
+        if (l == UINT32_MAX) return;
+        const Luxel& luxel = surfaces_.luxels[l];
+        for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
+            const LuxelPiece& piece = surfaces_.pieces[luxel.first_piece + k];
+            double out = piece.face == face ? 0 : 100; // another face only where this one has nothing near
+            double worst = 0;
+            const std::span<const Vec2> v = points_of(surfaces_, piece);
+            for (std::size_t i = 0; i < v.size(); ++i) {
+                const Vec2 a = v[i], e = v[(i + 1) % v.size()] - a;
+                const double len = std::sqrt(dot(e, e));
+                if (len > 0) worst = std::max(worst, cross(p - a, e) / len);
+            }
+            out += worst;
+            if (out < best_out) best_out = out, best = luxel.first_piece + k;
+        }
+    };
+    look(x0, y0);
+    if (best_out > 1e-3)
+        for (int dy = -1; dy <= 1; ++dy)
+            for (int dx = -1; dx <= 1; ++dx)
+                if (dx || dy) look(x0 + dx, y0 + dy);
+    return best;
+}
+
+std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index, std::span<const std::uint32_t> texel_patch,
+                       std::span<const std::uint32_t> piece_patch, std::span<const std::uint32_t> face_patch,
+                       FaceId face, Vec3 point) {
+    const Face& f = surfaces.faces[face.at()];
+    if (!f.chart.valid()) return face_patch[face.at()];
+    const Chart& chart = surfaces.charts[f.chart.at()];
+    const std::uint32_t patch = texel_patch[index.texel_at(chart, point)];
+    if (patch < kMixedPatch) return patch;
+    const std::uint32_t piece = index.piece_at(face, chart, point);
+    return piece == UINT32_MAX ? kNoPatch : piece_patch[piece];
+}
+
+Vec3 world_from_luxel(const Surfaces& surfaces, const Chart& c, FaceId face, Vec2 l) {
+    const Vec3 p = c.origin + (c.s * l.x + c.t * l.y) * c.luxel_size;
+    const Face& f = surfaces.faces[face.at()];
+    return p + f.normal * (f.distance - dot(f.normal, p));
+}
+
+PieceEdges piece_adjacency(const Surfaces& s) {
+    PieceEdges edges;
+    const LuxelIndex index(s);
+    const auto between = [&](const Luxel& a, const Luxel& b) {
+        const bool plain = whole(s, a) && whole(s, b);
+        for (std::uint32_t i = 0; i < a.piece_count; ++i)
+            for (std::uint32_t j = 0; j < b.piece_count; ++j)
+                if (plain || share_edge(points_of(s, s.pieces[a.first_piece + i]), points_of(s, s.pieces[b.first_piece + j]))) {
+                    const std::uint32_t p = a.first_piece + i, q = b.first_piece + j;
+                    edges.push_back({std::min(p, q), std::max(p, q)});
+                }
+    };
+    for (const Luxel& l : s.luxels) {
+        const Chart& c = s.charts[l.chart.at()];
+        for (std::uint32_t i = 0; i < l.piece_count; ++i)
+            for (std::uint32_t j = i + 1; j < l.piece_count; ++j)
+                if (share_edge(points_of(s, s.pieces[l.first_piece + i]), points_of(s, s.pieces[l.first_piece + j])))
+                    edges.push_back({l.first_piece + i, l.first_piece + j});
+        const std::uint32_t texel = c.first_texel + l.y * c.width + l.x;
+        if (l.x + 1u < c.width && index.luxel_of(texel + 1) != UINT32_MAX) between(l, s.luxels[index.luxel_of(texel + 1)]);
+        if (l.y + 1u < c.height && index.luxel_of(texel + c.width) != UINT32_MAX)
+            between(l, s.luxels[index.luxel_of(texel + c.width)]);
+    }
+    std::sort(edges.begin(), edges.end());
+    return edges;
+}
+
+PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges& edges, double h) {
+    PatchTable out;
+    const std::size_t piece_count = s.pieces.size();
+    // The cell of each piece: block of luxels, and what must not be mixed in it.
+    struct Key {
+        std::uint64_t block = 0;
+        std::uint64_t group = 0;
+        bool operator==(const Key&) const = default;
+    };
+    std::vector<Key> key(piece_count);
+    std::vector<double> area(piece_count), cell(piece_count);
+    std::vector<std::uint32_t> piece_luxel(piece_count);
+    const auto emits = [&](FaceId f) { return max_component(world.materials[s.faces[f.at()].material.at()].emission) > 0; };
+    for (std::size_t i = 0; i < s.luxels.size(); ++i) {
+        const Luxel& l = s.luxels[i];
+        const Chart& c = s.charts[l.chart.at()];
+        const int shift = std::clamp(static_cast<int>(std::floor(std::log2(h / c.luxel_size) + 1e-9)), 0, 12);
+        // Blocks are anchored to the world as the luxel lattice is, so that an edit elsewhere does not move them.
+        const auto block = [&](double origin, std::uint32_t at) {
+            return static_cast<std::uint64_t>((std::llround(origin / c.luxel_size) + at + (1ll << 40)) >> shift) & 0xFFFFu;
+        };
+        for (std::uint32_t k = 0; k < l.piece_count; ++k) {
+            const std::uint32_t p = l.first_piece + k;
+            const FaceId face = s.pieces[p].face;
+            key[p].block = (static_cast<std::uint64_t>(l.chart.value) << 32) |
+                           (block(dot(c.origin, c.t), l.y) << 16) | block(dot(c.origin, c.s), l.x);
+            // Faces of one material may share a patch, except lamps: each is an emitter of its own.
+            key[p].group = emits(face) ? (1ull << 32) + face.value : s.faces[face.at()].material.value;
+            area[p] = polygon_area(points_of(s, s.pieces[p])) * c.luxel_size * c.luxel_size;
+            cell[p] = c.luxel_size * c.luxel_size * static_cast<double>(1u << (2 * shift));
+            piece_luxel[p] = static_cast<std::uint32_t>(i);
+        }
+    }
+    UnionFind sets(piece_count);
+    for (const auto& [a, b] : edges)
+        if (key[a] == key[b]) sets.join(a, b);
+    // Slivers join their largest neighbour: a bundle of rays for an area that holds no energy is wasted. One pass,
+    // smallest first, over the neighbours as they were.
+    {
+        std::vector<double> total(piece_count, 0);
+        for (std::uint32_t p = 0; p < piece_count; ++p) total[sets.find(p)] += area[p];
+        std::vector<std::uint32_t> best(piece_count, UINT32_MAX);
+        for (const auto& [a, b] : edges) {
+            if (key[a].group != key[b].group) continue;
+            const std::uint32_t ra = sets.find(a), rb = sets.find(b);
+            if (ra == rb) continue;
+            const auto offer = [&](std::uint32_t small, std::uint32_t other) {
+                if (total[small] > 0.08 * cell[small] || total[other] < total[small]) return;
+                if (best[small] == UINT32_MAX || total[other] > total[best[small]] ||
+                    (total[other] == total[best[small]] && other < best[small]))
+                    best[small] = other;
+            };
+            offer(ra, rb), offer(rb, ra);
+        }
+        for (std::uint32_t p = 0; p < piece_count; ++p)
+            if (best[p] != UINT32_MAX) sets.join(p, best[p]);
+    }
+    // Patches in the order of their first piece.
+    out.piece_patch.assign(piece_count, kNoPatch);
+    std::vector<std::uint32_t> of_root(piece_count, kNoPatch);
+    std::vector<std::vector<std::uint32_t>> members;
+    for (std::uint32_t p = 0; p < piece_count; ++p) {
+        const std::uint32_t root = sets.find(p);
+        if (of_root[root] == kNoPatch) of_root[root] = static_cast<std::uint32_t>(members.size()), members.emplace_back();
+        out.piece_patch[p] = of_root[root];
+        members[of_root[root]].push_back(p);
+    }
+    const auto patch_of_face = [&](FaceId f) {
+        const Face& face = s.faces[f.at()];
+        const Material& m = world.materials[face.material.at()];
+        Patch patch;
+        patch.face = f;
+        if (face.drawn && !face.sky) patch.reflectance = m.reflectance;
+        for (std::size_t c = 0; c < 3; ++c) patch.reflectance[c] = std::clamp(patch.reflectance[c], 0.0f, 0.99f);
+        if (!face.sky) patch.emission = m.emission * static_cast<float>(std::numbers::pi);
+        return patch;
+    };
+    for (const auto& list : members) {
+        double most = 0, sum = 0;
+        Vec3 moment;
+        FaceId face = s.pieces[list[0]].face;
+        for (const std::uint32_t p : list) {
+            const LuxelPiece& piece = s.pieces[p];
+            const Chart& c = s.charts[s.luxels[piece_luxel[p]].chart.at()];
+            Vec2 mid;
+            for (const Vec2 v : points_of(s, piece)) mid = mid + v;
+            mid = mid * (1.0 / piece.point_count);
+            moment += world_from_luxel(s, c, piece.face, mid) * area[p];
+            sum += area[p];
+            if (area[p] > most) most = area[p], face = piece.face;
+        }
+        Patch patch = patch_of_face(face);
+        patch.area = sum;
+        patch.centroid = sum > 0 ? moment / sum : Vec3{};
+        out.first_piece.push_back(static_cast<std::uint32_t>(out.pieces.size()));
+        out.pieces.insert(out.pieces.end(), list.begin(), list.end());
+        out.patches.push_back(patch);
+    }
+    out.face_patch.assign(s.faces.size(), kNoPatch);
+    for (std::size_t f = 0; f < s.faces.size(); ++f) {
+        const Face& face = s.faces[f];
+        if (face.chart.valid() || face.sky) continue;
+        Patch patch = patch_of_face(id<FaceId>(f));
+        if (max_component(patch.reflectance) == 0 && max_component(patch.emission) == 0) continue;
+        Vec3 moment;
+        for (std::uint32_t t = 0; t < face.triangle_count; ++t) {
+            const auto& v = s.triangles[face.first_triangle + t];
+            const Vec3 a = s.positions[v[0]], b = s.positions[v[1]], c = s.positions[v[2]];
+            const double w = length(cross(b - a, c - a)) / 2;
+            patch.area += w, moment += (a + b + c) * (w / 3);
+        }
+        if (!(patch.area > 0)) continue;
+        patch.centroid = moment / patch.area;
+        out.face_patch[f] = static_cast<std::uint32_t>(out.patches.size());
+        out.first_piece.push_back(static_cast<std::uint32_t>(out.pieces.size()));
+        out.patches.push_back(patch);
+    }
+    out.first_piece.push_back(static_cast<std::uint32_t>(out.pieces.size()));
+    out.texel_patch.assign(s.texel_count, kNoPatch);
+    for (const Luxel& l : s.luxels) {
+        const Chart& c = s.charts[l.chart.at()];
+        std::uint32_t& patch = out.texel_patch[c.first_texel + l.y * c.width + l.x];
+        for (std::uint32_t k = 0; k < l.piece_count; ++k) {
+            const std::uint32_t q = out.piece_patch[l.first_piece + k];
+            patch = k == 0 || patch == q ? q : kMixedPatch;
+        }
+    }
+    return out;
+}
+
+void Footprint::add(Vec3 corner, Vec3 u, Vec3 v, bool parallelogram) {
+    const double a = length(cross(u, v)) * (parallelogram ? 1 : 0.5);
+    if (!(a > 0)) return;
+    const Vec3 center = corner + (u + v) * (parallelogram ? 0.5 : 1.0 / 3);
+    cells_.push_back({center + (corner - center) * kInset, u * kInset, v * kInset, area() + a, parallelogram});
+}
+
+void Footprint::add_piece(const Surfaces& s, const Chart& c, const LuxelPiece& piece) {
+    const std::span<const Vec2> v = points_of(s, piece);
+    const auto at = [&](std::size_t i) { return world_from_luxel(s, c, piece.face, v[i]); };
+    const std::size_t n = v.size();
+    if (n == 4) {
+        const Vec2 skew = v[0] + v[2] - v[1] - v[3];
+        if (dot(skew, skew) < 1e-12) return add(at(0), at(1) - at(0), at(3) - at(0), true);
+    }
+    for (std::size_t i = 1; i + 1 < n; ++i) add(at(0), at(i) - at(0), at(i + 1) - at(0), false);
+}
+
+void Footprint::add_triangle(Vec3 a, Vec3 b, Vec3 c) { add(a, b - a, c - a, false); }
+
+Vec3 Footprint::centroid() const {
+    Vec3 sum;
+    double before = 0;
+    for (const Cell& c : cells_) {
+        sum += (c.corner + (c.u + c.v) * (c.parallelogram ? 0.5 : 1.0 / 3)) * (c.cumulative - before);
+        before = c.cumulative;
+    }
+    return sum / area();
+}
+
+Vec3 Footprint::sample(Vec2 u) const {
+    const double wanted = u.x * area();
+    const auto cell = std::lower_bound(cells_.begin(), cells_.end() - 1, wanted,
+                                       [](const Cell& c, double x) { return c.cumulative <= x; });
+    const double before = cell == cells_.begin() ? 0 : (cell - 1)->cumulative;
+    u.x = std::clamp((wanted - before) / (cell->cumulative - before), 0.0, 1.0);
+    if (cell->parallelogram) return cell->corner + cell->u * u.x + cell->v * u.y;
+    const Vec2 w = uniform_triangle(u);
+    return cell->corner + cell->u * w.x + cell->v * w.y;
+}
+
+} // namespace kiln

@@ -1,0 +1,78 @@
+// Patches: the elements on which all bounces are solved. A patch is a set of luxel pieces of one chart: those of one
+// material that lie in one power-of-two block of luxels and hang together along edges. A wall that stands on a floor
+// cuts the pieces, so nothing spreads under it. Faces without a chart are one patch each.
+#pragma once
+#include "compiler/light/light.h"
+#include "libs/sampling/sobol.h"
+#include <span>
+
+namespace kiln {
+
+inline std::span<const Vec2> points_of(const Surfaces& surfaces, const LuxelPiece& piece) {
+    return {surfaces.piece_points.data() + piece.first_point, piece.point_count};
+}
+double polygon_area(std::span<const Vec2> points);
+
+constexpr std::uint32_t kNoPatch = UINT32_MAX;
+constexpr std::uint32_t kMixedPatch = UINT32_MAX - 1; // a texel whose pieces belong to several patches
+
+struct PatchTable {
+    std::vector<Patch> patches;
+    std::vector<std::uint32_t> texel_patch; // per texel; kNoPatch, kMixedPatch
+    std::vector<std::uint32_t> piece_patch; // per piece
+    std::vector<std::uint32_t> face_patch;  // per face without chart; else kNoPatch
+    std::vector<std::uint32_t> first_piece, pieces; // per patch: its pieces (none for faces without chart)
+};
+
+// Pieces that touch along an edge: (a, b), a < b, within one chart; sorted.
+using PieceEdges = std::vector<std::array<std::uint32_t, 2>>;
+PieceEdges piece_adjacency(const Surfaces& surfaces);
+
+// `h`: wanted patch size, map units.
+PatchTable build_patches(const World& world, const Surfaces& surfaces, const PieceEdges& edges, double h);
+
+// Where luxels lie: texel -> luxel, hit -> patch.
+class LuxelIndex {
+public:
+    explicit LuxelIndex(const Surfaces& surfaces);
+    // Texel (index over all charts) of a point on a face with a chart, clamped into the chart.
+    std::uint32_t texel_at(const Chart& chart, Vec3 point) const;
+    std::uint32_t luxel_of(std::uint32_t texel) const { return texel_luxel_[texel]; } // UINT32_MAX: none
+    // The piece of `face` nearest to a point, looked for in the point's texel and the eight around it.
+    std::uint32_t piece_at(FaceId face, const Chart& chart, Vec3 point) const;
+
+private:
+    const Surfaces& surfaces_;
+    std::vector<std::uint32_t> texel_luxel_;
+};
+
+// Hit -> patch, from the tables kept in Lighting.
+std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index, std::span<const std::uint32_t> texel_patch,
+                       std::span<const std::uint32_t> piece_patch, std::span<const std::uint32_t> face_patch,
+                       FaceId face, Vec3 point);
+
+Vec3 world_from_luxel(const Surfaces& surfaces, const Chart& chart, FaceId face, Vec2 luxel);
+
+// Uniform points on a union of pieces or triangles; all lie strictly inside, so that rounding cannot carry one into
+// the wall at its rim.
+class Footprint {
+public:
+    void add_piece(const Surfaces& surfaces, const Chart& chart, const LuxelPiece& piece);
+    void add_triangle(Vec3 a, Vec3 b, Vec3 c);
+    bool empty() const { return cells_.empty(); }
+    double area() const { return cells_.empty() ? 0 : cells_.back().cumulative; } // map units squared
+    Vec3 centroid() const;
+    Vec3 sample(Vec2 u) const;
+    bool whole_square() const { return cells_.size() == 1 && cells_[0].parallelogram; }
+
+private:
+    struct Cell {
+        Vec3 corner, u, v;
+        double cumulative = 0;
+        bool parallelogram = false;
+    };
+    void add(Vec3 corner, Vec3 u, Vec3 v, bool parallelogram);
+    std::vector<Cell> cells_;
+};
+
+} // namespace kiln

@@ -1,0 +1,146 @@
+// Form-factor rows by rays, and the solution of all bounces over them.
+//
+// A patch shoots a stratified, cosine-weighted bundle; the hit list is its row. Row sums plus what escaped or met a
+// back face are 1 by construction, and no pair of patches is ever joined by a point rule, which fails where they touch.
+#include "compiler/light/bake.h"
+#include "libs/parallel/parallel.h"
+#include "libs/sampling/maps.h"
+#include <numbers>
+
+namespace kiln {
+
+void Bake::trace_rows() {
+    const std::uint32_t m = quality_.row_rays;
+    const std::size_t n = patches_.patches.size();
+    hits_.assign(n * m, kHitBlack);
+    constexpr std::size_t kChunk = 16;
+    std::vector<HitCounts> counts((n + kChunk - 1) / kChunk);
+    parallel_for(context_, "light: form factors", counts.size(), [&](std::size_t chunk) {
+        std::vector<Vec3> origins(m), directions(m);
+        std::vector<std::optional<SceneHit>> found(m);
+        for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
+            const Patch& patch = patches_.patches[p];
+            // A patch that reflects nothing is never asked for its irradiance, unless luxels lean on it.
+            const Face& face = surfaces_.faces[patch.face.at()];
+            if (max_component(patch.reflectance) == 0 && !face.chart.valid()) continue;
+            const Footprint footprint = footprint_of_patch(static_cast<std::uint32_t>(p));
+            if (footprint.empty()) continue;
+            const Frame frame = frame_around(face.normal);
+            const Sobol points(seed_at(patch.centroid, 1));
+            for (std::uint32_t i = 0; i < m; ++i) {
+                origins[i] = footprint.sample(points.pair(i, 2)) + face.normal * scene_.push_off();
+                directions[i] = frame.world(cosine_hemisphere(points.pair(i, 0)));
+            }
+            scene_.closest(origins, directions, found);
+            HitCounts& c = counts[chunk];
+            c.rays += m;
+            for (std::uint32_t i = 0; i < m; ++i) {
+                std::uint32_t& code = hits_[p * m + i];
+                if (!found[i]) {
+                    code = kHitEscaped, ++c.escaped;
+                } else if (found[i]->back) {
+                    code = kHitBack, ++c.back;
+                } else {
+                    const SceneHit& hit = *found[i];
+                    code = patch_at(surfaces_, index_, patches_.texel_patch, patches_.piece_patch, patches_.face_patch,
+                                    hit.face, hit.position);
+                    const std::uint32_t emitter = emitters_.of_face[hit.face.at()];
+                    if (code == kNoPatch) code = emitter != UINT32_MAX ? kHitEmitter | emitter : kHitBlack;
+                }
+            }
+        }
+    });
+    for (const HitCounts& c : counts) counts_ += c;
+}
+
+Bake::Rows Bake::merge_rows() const {
+    const std::uint32_t m = quality_.row_rays;
+    const std::size_t n = patches_.patches.size();
+    std::vector<std::vector<std::uint32_t>> merged(n);
+    constexpr std::size_t kChunk = 256;
+    parallel_for(context_, (n + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+        for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
+            auto& row = merged[p];
+            for (std::uint32_t i = 0; i < m; ++i) {
+                const std::uint32_t j = hits_[p * m + i];
+                if (is_patch(j) && max_component(patches_.patches[j].reflectance) > 0) row.push_back(j);
+            }
+            std::sort(row.begin(), row.end());
+        }
+    });
+    Rows rows;
+    rows.first.reserve(n + 1);
+    for (const auto& row : merged) {
+        rows.first.push_back(rows.patch.size());
+        for (std::size_t i = 0; i < row.size();) {
+            std::size_t k = i;
+            while (k < row.size() && row[k] == row[i]) ++k;
+            rows.patch.push_back(row[i]);
+            rows.weight.push_back(static_cast<float>(static_cast<double>(k - i) / m));
+            i = k;
+        }
+    }
+    rows.first.push_back(rows.patch.size());
+    return rows;
+}
+
+// Irradiance from emission that the bundle met: all of it, or what is not sampled explicitly for the patch.
+std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
+    const std::uint32_t m = quality_.row_rays;
+    const Rgbd sky = sky_radiance(lights_);
+    std::vector<Rgbd> out(patches_.patches.size());
+    for (std::size_t p = 0; p < out.size(); ++p) {
+        for (std::uint32_t i = 0; i < m; ++i) {
+            const std::uint32_t hit = hits_[p * m + i];
+            if (hit == kHitEscaped) {
+                out[p] += sky;
+                continue;
+            }
+            std::uint32_t emitter = UINT32_MAX;
+            if (is_patch(hit)) emitter = patch_emitter_[hit];
+            else if (hit < kHitBlack) emitter = hit & ~kHitEmitter;
+            if (emitter == UINT32_MAX) continue;
+            if (only_unlisted && listed(static_cast<std::uint32_t>(p), emitter)) continue;
+            out[p] += emitters_.emitters[emitter].radiance;
+        }
+        out[p] *= std::numbers::pi / m;
+    }
+    return out;
+}
+
+// H = H_d + F rho H by Jacobi sweeps in fixed order, until the bound residual / (1 - rho_max) on the error of H is
+// below the share `iteration` of its largest value.
+std::vector<Rgbd> Bake::solve(const Rows& rows, const std::vector<Rgbd>& direct, std::uint32_t* iterations,
+                              double* residual) {
+    const std::size_t n = direct.size();
+    std::vector<Rgbd> h = direct, next(n), b(n);
+    double rho_max = 0;
+    for (const Patch& p : patches_.patches) rho_max = std::max(rho_max, static_cast<double>(max_component(p.reflectance)));
+    constexpr std::size_t kChunk = 2048;
+    const std::size_t chunks = (n + kChunk - 1) / kChunk;
+    std::vector<double> change(chunks), largest(chunks);
+    *residual = 0;
+    for (*iterations = 0; *iterations < 5000; ++*iterations) {
+        for (std::size_t p = 0; p < n; ++p) b[p] = static_cast<Rgbd>(patches_.patches[p].reflectance) * h[p];
+        parallel_for(context_, chunks, [&](std::size_t chunk) {
+            change[chunk] = largest[chunk] = 0;
+            for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
+                Rgbd sum = direct[p];
+                for (std::uint64_t k = rows.first[p]; k < rows.first[p + 1]; ++k)
+                    sum += b[rows.patch[k]] * static_cast<double>(rows.weight[k]);
+                const Rgbd d = sum - h[p];
+                change[chunk] = std::max({change[chunk], std::abs(d.x), std::abs(d.y), std::abs(d.z)});
+                largest[chunk] = std::max(largest[chunk], max_component(sum));
+                next[p] = sum;
+            }
+        });
+        std::swap(h, next);
+        double r = 0, top = 0;
+        for (std::size_t c = 0; c < chunks; ++c) r = std::max(r, change[c]), top = std::max(top, largest[c]);
+        *residual = top > 0 ? r * rho_max / (1 - rho_max) / top : 0;
+        if (*residual <= quality_.iteration) break;
+    }
+    return h;
+}
+
+} // namespace kiln

@@ -1,0 +1,176 @@
+// The ray-traced world. Embree decides which triangle a ray meets; where it meets it is computed again here, in
+// double, from the plane of the face, so that nothing downstream depends on the last bits of a single-precision hit.
+#include "compiler/light/field.h"
+#include "libs/core/check.h"
+#include <embree3/rtcore.h>
+#include <limits>
+
+namespace kiln {
+
+// Origins stand this far in front of their surface. Large against the rounding of the local frame (2^-24 of its half
+// extent), small against any wall.
+constexpr double kPushOffShare = 0x1p-21; // of the world's largest extent
+constexpr double kPushOffLeast = 0x1p-8;  // map units
+
+struct TraceScene::Data {
+    const World* world = nullptr;
+    const Surfaces* surfaces = nullptr;
+    Vec3 center;                            // of the local frame, map units
+    double push = kPushOffLeast;
+    std::string isa;
+    std::vector<float> vertices;            // local frame, padded as Embree asks
+    std::vector<std::uint32_t> indices;
+    std::vector<std::uint32_t> triangle_of; // primitive -> triangle of surfaces
+    RTCDevice device = nullptr;
+    RTCScene scene = nullptr;
+
+    Data() = default;
+    Data(const Data&) = delete;
+    Data& operator=(const Data&) = delete;
+    ~Data() {
+        if (scene) rtcReleaseScene(scene);
+        if (device) rtcReleaseDevice(device);
+    }
+    template <class Ray> void set_ray(Ray& ray, Vec3 origin, Vec3 direction, double far) const {
+        const Vec3 o = origin - center;
+        ray.org_x = static_cast<float>(o.x), ray.org_y = static_cast<float>(o.y), ray.org_z = static_cast<float>(o.z);
+        ray.dir_x = static_cast<float>(direction.x), ray.dir_y = static_cast<float>(direction.y);
+        ray.dir_z = static_cast<float>(direction.z);
+        ray.tnear = 0;
+        ray.tfar = far < 1e30 ? static_cast<float>(far) : std::numeric_limits<float>::infinity();
+        ray.time = 0, ray.mask = UINT32_MAX, ray.id = 0, ray.flags = 0;
+    }
+    SceneHit resolve(Vec3 origin, Vec3 direction, std::uint32_t primitive, float t) const {
+        SceneHit hit;
+        hit.triangle = triangle_of[primitive];
+        hit.face = surfaces->triangle_face[hit.triangle];
+        const Face& face = surfaces->faces[hit.face.at()];
+        const double cosine = dot(face.normal, direction);
+        const double exact = (face.distance - dot(face.normal, origin)) / cosine;
+        // Nearly parallel to the face the quotient is worthless, and Embree's own distance is the better one.
+        hit.distance = std::abs(cosine) > 1e-4 ? std::max(0.0, exact) : static_cast<double>(t);
+        hit.position = origin + direction * hit.distance;
+        hit.back = cosine > 0 && !face.two_sided;
+        hit.sky = face.sky;
+        return hit;
+    }
+};
+
+TraceScene::TraceScene(const World& world, const Surfaces& surfaces) : data_(std::make_unique<Data>()) {
+    Data& d = *data_;
+    d.world = &world;
+    d.surfaces = &surfaces;
+    Box3 box;
+    for (const Vec3& p : surfaces.positions) box.add(p);
+    if (!box.empty()) {
+        const Vec3 c = box.center();
+        d.center = {std::round(c.x / 64) * 64, std::round(c.y / 64) * 64, std::round(c.z / 64) * 64};
+        d.push = std::max(kPushOffLeast, max_component(box.size()) * kPushOffShare);
+    }
+    d.vertices.reserve(surfaces.positions.size() * 3 + 4);
+    for (const Vec3& p : surfaces.positions) {
+        const Vec3 q = p - d.center;
+        d.vertices.insert(d.vertices.end(), {static_cast<float>(q.x), static_cast<float>(q.y), static_cast<float>(q.z)});
+    }
+    d.vertices.insert(d.vertices.end(), 4, 0.0f);
+    for (std::size_t t = 0; t < surfaces.triangles.size(); ++t) {
+        const Face& face = surfaces.faces[surfaces.triangle_face[t].at()];
+        if (!face.blocks_light && !face.sky) continue;
+        const auto& corner = surfaces.triangles[t];
+        d.indices.insert(d.indices.end(), corner.begin(), corner.end());
+        d.triangle_of.push_back(static_cast<std::uint32_t>(t));
+    }
+    // One instruction set for everybody: hits differ in their last bits between the classes {AVX2, AVX-512} and
+    // {SSE4.2, AVX}. Only a processor without AVX2 gets the other one.
+    __builtin_cpu_init();
+    d.isa = __builtin_cpu_supports("avx2") ? "avx2" : "sse4.2";
+    d.device = rtcNewDevice(("isa=" + d.isa).c_str());
+    KILN_CHECK(d.device != nullptr);
+    d.scene = rtcNewScene(d.device);
+    rtcSetSceneFlags(d.scene, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneBuildQuality(d.scene, RTC_BUILD_QUALITY_HIGH);
+    if (!d.triangle_of.empty()) {
+        RTCGeometry geometry = rtcNewGeometry(d.device, RTC_GEOMETRY_TYPE_TRIANGLE);
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, d.vertices.data(), 0,
+                                   3 * sizeof(float), surfaces.positions.size());
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, d.indices.data(), 0,
+                                   3 * sizeof(std::uint32_t), d.triangle_of.size());
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometry(d.scene, geometry);
+        rtcReleaseGeometry(geometry);
+    }
+    rtcCommitScene(d.scene);
+    KILN_CHECK_OP(rtcGetDeviceError(d.device), ==, RTC_ERROR_NONE);
+}
+
+TraceScene::~TraceScene() = default;
+
+double TraceScene::push_off() const { return data_->push; }
+const std::string& TraceScene::instruction_set() const { return data_->isa; }
+
+std::optional<SceneHit> TraceScene::closest(Vec3 origin, Vec3 unit_direction, double far) const {
+    const Data& d = *data_;
+    RTCRayHit ray;
+    d.set_ray(ray.ray, origin, unit_direction, far);
+    ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcIntersect1(d.scene, &context, &ray);
+    if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+    return d.resolve(origin, unit_direction, ray.hit.primID, ray.ray.tfar);
+}
+
+void TraceScene::closest(std::span<const Vec3> origins, std::span<const Vec3> unit_directions,
+                         std::span<std::optional<SceneHit>> hits) const {
+    // Packets and single rays give the same bits on one instruction set, so the width is a matter of speed alone.
+    const Data& d = *data_;
+    constexpr std::size_t kWidth = 8;
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    for (std::size_t first = 0; first < origins.size(); first += kWidth) {
+        const std::size_t count = std::min(kWidth, origins.size() - first);
+        alignas(32) RTCRayHit8 packet;
+        alignas(32) int valid[kWidth];
+        for (std::size_t i = 0; i < kWidth; ++i) {
+            const std::size_t k = first + std::min(i, count - 1);
+            valid[i] = i < count ? -1 : 0;
+            const Vec3 o = origins[k] - d.center, u = unit_directions[k];
+            packet.ray.org_x[i] = static_cast<float>(o.x), packet.ray.org_y[i] = static_cast<float>(o.y);
+            packet.ray.org_z[i] = static_cast<float>(o.z);
+            packet.ray.dir_x[i] = static_cast<float>(u.x), packet.ray.dir_y[i] = static_cast<float>(u.y);
+            packet.ray.dir_z[i] = static_cast<float>(u.z);
+            packet.ray.tnear[i] = 0, packet.ray.tfar[i] = std::numeric_limits<float>::infinity();
+            packet.ray.time[i] = 0, packet.ray.mask[i] = UINT32_MAX, packet.ray.id[i] = 0, packet.ray.flags[i] = 0;
+            packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+            packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+        }
+        rtcIntersect8(valid, d.scene, &context, &packet);
+        for (std::size_t i = 0; i < count; ++i) {
+            if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) hits[first + i].reset();
+            else
+                hits[first + i] =
+                    d.resolve(origins[first + i], unit_directions[first + i], packet.hit.primID[i], packet.ray.tfar[i]);
+        }
+    }
+}
+
+bool TraceScene::occluded(Vec3 from, Vec3 to) const {
+    const Data& d = *data_;
+    const Vec3 way = to - from;
+    const double distance = length(way);
+    if (!(distance > 0)) return false;
+    RTCRay ray;
+    d.set_ray(ray, from, way / distance, distance * (1 - 0x1p-20));
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcOccluded1(d.scene, &context, &ray);
+    return ray.tfar < 0;
+}
+
+bool TraceScene::reaches_sky(Vec3 origin, Vec3 unit_direction) const {
+    const std::optional<SceneHit> hit = closest(origin, unit_direction);
+    return !hit || (hit->sky && !hit->back);
+}
+
+} // namespace kiln

@@ -1,0 +1,252 @@
+#include "compiler/pack/pack.h"
+#include "libs/core/check.h"
+#include <charconv>
+
+namespace kiln {
+namespace {
+
+level::Float3 floats(Vec3 v) { return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)}; }
+level::Float3 floats(Rgb v) { return {v.x, v.y, v.z}; }
+level::Double3 doubles(Vec3 v) { return {v.x, v.y, v.z}; }
+
+// Boxes are conservative: a box in floats must not lie inside the one in doubles.
+level::Float3 floats_below(Vec3 v) {
+    level::Float3 out = floats(v);
+    for (std::size_t i = 0; i < 3; ++i)
+        if (out[i] > v[i]) out[i] = std::nextafter(out[i], -INFINITY);
+    return out;
+}
+level::Float3 floats_above(Vec3 v) {
+    level::Float3 out = floats(v);
+    for (std::size_t i = 0; i < 3; ++i)
+        if (out[i] < v[i]) out[i] = std::nextafter(out[i], INFINITY);
+    return out;
+}
+
+std::string number(double value) { // shortest that reads back the same
+    char text[40];
+    return std::isfinite(value) ? std::string(text, std::to_chars(text, text + sizeof text, value).ptr) : "null";
+}
+std::string error_json(const ErrorReport& e) {
+    return "{\"target\":" + number(e.target) + ",\"estimate\":" + number(e.estimate) + ",\"low\":" + number(e.low) +
+           ",\"high\":" + number(e.high) + ",\"noise\":" + number(e.noise) + ",\"patch_bias\":" + number(e.patch_bias) +
+           ",\"iteration\":" + number(e.iteration) + ",\"representation\":" + number(e.representation) + "}";
+}
+
+void add_planes(const PlaneTable& table, level::LevelContent& out) {
+    out.plane_grid_bits = static_cast<std::uint32_t>(table.grid_bits);
+    for (std::size_t i = 0; i < table.planes.size(); ++i) {
+        const ExactPlane& e = table.planes[i];
+        level::Plane p;
+        // Both faces of a plane from the even one, so that they are each other's negation to the last bit.
+        const auto even = id<PlaneId>(i & ~std::size_t{1});
+        const double sign = i & 1 ? -1 : 1;
+        p.normal = doubles(table.normal(even) * sign), p.distance = table.distance(even) * sign;
+        p.exact = {e.a, e.b, e.c};
+        p.exact_d_high = static_cast<std::int64_t>(e.d >> 64), p.exact_d_low = static_cast<std::uint64_t>(e.d);
+        out.planes.push_back(p);
+    }
+}
+
+void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush, level::LevelContent& out) {
+    for (const BspNode& n : in.bsp.nodes)
+        out.nodes.push_back({n.plane.value, n.child, floats_below(n.bounds.lo), floats_above(n.bounds.hi)});
+    std::vector<std::vector<std::uint32_t>> leaves_of(in.bsp.cluster_count);
+    for (std::size_t i = 0; i < in.bsp.leaves.size(); ++i) {
+        const BspLeaf& l = in.bsp.leaves[i];
+        level::Leaf leaf;
+        leaf.contents = static_cast<std::uint8_t>(l.contents);
+        leaf.cluster = l.cluster.valid() ? static_cast<std::int32_t>(l.cluster.value) : -1;
+        leaf.area = l.area;
+        leaf.probe = i < in.probes.leaf_probe.size() ? in.probes.leaf_probe[i] : UINT32_MAX;
+        leaf.lo = floats_below(l.bounds.lo), leaf.hi = floats_above(l.bounds.hi);
+        for (const BrushId b : l.brushes)
+            if (level_brush[b.at()] != UINT32_MAX) leaf.brushes.push_back(level_brush[b.at()]);
+        if (l.cluster.valid()) leaves_of[l.cluster.at()].push_back(static_cast<std::uint32_t>(i));
+        out.leaves.push_back(std::move(leaf));
+    }
+    for (std::size_t f = 0; f < in.surfaces.faces.size(); ++f) {
+        const Face& face = in.surfaces.faces[f];
+        if (!face.drawn && !face.sky) continue;
+        for (const ClusterId c : face.clusters)
+            for (const std::uint32_t l : leaves_of[c.at()]) // by face: each list comes out sorted
+                out.leaves[l].faces.push_back(static_cast<std::uint32_t>(f));
+    }
+    for (const BspPortal& p : in.bsp.portals) {
+        level::Portal portal;
+        portal.leaf = {static_cast<std::int32_t>(p.leaf_front.value), static_cast<std::int32_t>(p.leaf_back.value)};
+        portal.plane = p.plane.value;
+        for (const Vec3 x : p.winding) portal.winding.push_back(floats(x));
+        out.portals.push_back(std::move(portal));
+    }
+    out.cluster_count = in.visibility.cluster_count;
+    out.vis_rows = in.visibility.rows;
+}
+
+// Which brush of the level each brush of the world is; UINT32_MAX: it was invalid and left out.
+std::vector<std::uint32_t> add_brushes(const PackInput& in, level::LevelContent& out) {
+    std::vector<std::uint32_t> number(in.world.brushes.size(), UINT32_MAX);
+    for (std::size_t i = 0; i < in.world.brushes.size(); ++i) {
+        const WorldBrush& b = in.world.brushes[i];
+        const BrushPolytope& polytope = in.csg.brushes[i];
+        if (!polytope.valid) continue;
+        const SourceLocation where = in.world.location(id<BrushId>(i));
+        level::Brush brush;
+        brush.model = b.model.valid() ? b.model.value : 0;
+        brush.contents = static_cast<std::uint8_t>(b.contents);
+        brush.source_entity = where.entity, brush.source_id = b.id, brush.source_line = b.line;
+        for (std::size_t k = 0; k < polytope.faces.size(); ++k) {
+            brush.planes.push_back(polytope.faces[k].support.value);
+            brush.source_sides.push_back(in.world.sides[polytope.sides[k].at()].id);
+        }
+        number[i] = static_cast<std::uint32_t>(out.brushes.size());
+        out.brushes.push_back(std::move(brush));
+    }
+    return number;
+}
+
+void add_faces(const PackInput& in, level::LevelContent& out) {
+    for (const Vec3 p : in.surfaces.positions) out.positions.push_back(doubles(p));
+    for (std::size_t i = 0; i < in.surfaces.faces.size(); ++i) {
+        const Face& f = in.surfaces.faces[i];
+        const SourceLocation where = in.world.location(f.side);
+        const DocTexture& texture = in.world.sides[f.side.at()].texture;
+        level::FaceInfo face;
+        face.material = f.material.value, face.model = f.model.valid() ? f.model.value : 0, face.plane = f.plane.value;
+        face.chart = f.chart.value;
+        face.probe = i < in.probes.face_probe.size() ? in.probes.face_probe[i] : UINT32_MAX;
+        face.drawn = f.drawn, face.sky = f.sky, face.two_sided = f.two_sided, face.blocks_light = f.blocks_light;
+        face.tangent = floats(f.tangent.t), face.bitangent = floats(f.tangent.b), face.normal = floats(f.normal);
+        face.u_axis = doubles(texture.u_axis), face.v_axis = doubles(texture.v_axis);
+        face.u_scale = texture.u_scale, face.v_scale = texture.v_scale;
+        face.u_shift = texture.u_shift, face.v_shift = texture.v_shift;
+        face.source_entity = where.entity, face.source_brush = where.brush;
+        face.source_side = where.side, face.source_line = where.line;
+        face.first_triangle = static_cast<std::uint32_t>(out.triangles.size());
+        if (f.drawn || f.sky) { // what only blocks light is of no use at run time
+            face.triangle_count = f.triangle_count;
+            for (std::size_t t = f.first_triangle; t < std::size_t{f.first_triangle} + f.triangle_count; ++t) {
+                out.triangles.push_back(in.surfaces.triangles[t]);
+                const auto& n = in.surfaces.corner_normals[t];
+                out.corner_normals.push_back({level::Float3{n[0].x, n[0].y, n[0].z}, level::Float3{n[1].x, n[1].y, n[1].z},
+                                              level::Float3{n[2].x, n[2].y, n[2].z}});
+            }
+        }
+        out.faces.push_back(face);
+    }
+}
+
+void add_charts(const PackInput& in, level::LevelContent& out) {
+    const Lighting& light = in.lighting;
+    const bool baked = !light.flat.empty() || in.surfaces.texel_count == 0;
+    for (std::size_t i = 0; i < in.surfaces.charts.size(); ++i) {
+        const Chart& c = in.surfaces.charts[i];
+        level::ChartInfo chart;
+        chart.origin = doubles(c.origin), chart.s = doubles(c.s), chart.t = doubles(c.t);
+        chart.luxel_size = static_cast<float>(c.luxel_size);
+        chart.width = c.width, chart.height = c.height;
+        chart.directional = i < light.rnm_first.size() && light.rnm_first[i] != UINT32_MAX;
+        chart.smooth = c.smooth;
+        chart.tangent = floats(c.frame.t), chart.bitangent = floats(c.frame.b), chart.normal = floats(c.frame.n);
+        const std::size_t texels = std::size_t{c.width} * c.height;
+        double sum = 0, known = 0;
+        if (!light.texel_error.empty())
+            for (std::size_t t = c.first_texel; t < c.first_texel + texels; ++t)
+                if (light.texel_error[t] > 0) sum += light.texel_error[t], ++known;
+        chart.error = known > 0 ? static_cast<float>(sum / known) : 0.0f;
+        out.charts.push_back(chart);
+        out.chart_first_texel.push_back(c.first_texel);
+        out.chart_first_rnm.push_back(chart.directional ? light.rnm_first[i] : UINT32_MAX);
+    }
+    KILN_CHECK(baked);
+    for (const Rgb& v : light.flat) out.flat.push_back(floats(v));
+    out.valid = light.valid, out.texel_error = light.texel_error;
+    out.rnm.reserve(light.rnm.size());
+    for (const auto& v : light.rnm) out.rnm.push_back({floats(v[0]), floats(v[1]), floats(v[2])});
+}
+
+void add_lights(const PackInput& in, level::LevelContent& out) {
+    for (const Light& l : in.lights) {
+        level::LocalLight light;
+        light.kind = static_cast<std::uint8_t>(l.kind), light.falloff = static_cast<std::uint8_t>(l.falloff);
+        light.position = doubles(l.position), light.direction = doubles(l.direction);
+        light.intensity = floats(l.intensity);
+        light.constant = l.constant, light.linear = l.linear, light.quadratic = l.quadratic;
+        light.range = l.range, light.fade_start = l.fade_start, light.fade_end = l.fade_end;
+        light.cos_inner = l.cos_inner, light.cos_outer = l.cos_outer, light.exponent = l.exponent;
+        light.angular_radius_rad = l.angular_radius_rad, light.angle_scale = l.angle_scale;
+        light.style = l.style;
+        if (l.entity.valid()) {
+            light.entity = in.world.entities[l.entity.at()].id;
+            light.line = in.world.entities[l.entity.at()].line;
+        }
+        out.lights.push_back(light);
+    }
+    const Ambient& a = in.ambient;
+    out.cubes.origin = doubles(a.origin), out.cubes.root_size = a.root_size, out.cubes.root_count = a.root_count;
+    out.cubes.tree = a.tree;
+    for (const AmbientCell& c : a.cells)
+        out.cubes.cells.push_back({floats(c.lo), c.size, c.cubes, c.mask, floats(c.plane_normal), c.plane_distance, c.beyond});
+    for (const AmbientCube& c : a.cubes) {
+        level::Cube cube;
+        cube.position = floats(c.position);
+        for (std::size_t f = 0; f < 6; ++f) cube.irradiance[f] = floats(c.irradiance[f]);
+        cube.local_lights = c.local_lights;
+        out.cubes.cubes.push_back(std::move(cube));
+    }
+    for (const Probe& p : in.probes.probes) {
+        level::ProbeInfo probe;
+        probe.position = floats(p.position);
+        probe.entity = p.entity.valid() ? static_cast<std::int32_t>(p.entity.value) : -1;
+        probe.size = p.size, probe.mips = p.mips, probe.boxed = p.boxed;
+        if (p.boxed) probe.box_lo = floats(p.box.lo), probe.box_hi = floats(p.box.hi);
+        for (const Rgb& t : p.texels) probe.texels.push_back(floats(t));
+        out.probes.push_back(std::move(probe));
+    }
+}
+
+} // namespace
+
+level::LevelContent level_content(const PackInput& in) {
+    level::LevelContent out;
+    const std::size_t slash = in.world.file.find_last_of("/\\");
+    out.source_name = slash == std::string::npos ? in.world.file : in.world.file.substr(slash + 1);
+    out.compiler_version = in.version, out.options_json = in.options_json, out.input_hash = in.input_hash;
+    out.error_json = error_json(in.lighting.error);
+    out.rnm_encoding = static_cast<std::uint8_t>(in.lighting.encoding);
+    out.model_count = std::max(1u, in.world.model_count);
+    add_planes(in.csg.planes, out);
+    add_tree(in, add_brushes(in, out), out);
+    for (const Material& m : in.world.materials) {
+        level::MaterialInfo material;
+        material.name = m.name, material.albedo_map = m.albedo_map, material.normal_map = m.normal_map;
+        material.reflectance = floats(m.reflectance), material.emission = floats(m.emission);
+        material.alpha = m.alpha, material.env_map = m.env_map, material.roughness = m.roughness;
+        material.flags = m.flags;
+        material.width = static_cast<std::uint32_t>(std::max(0, m.width));
+        material.height = static_cast<std::uint32_t>(std::max(0, m.height));
+        out.materials.push_back(std::move(material));
+    }
+    add_faces(in, out);
+    add_charts(in, out);
+    add_lights(in, out);
+    for (const WorldEntity& e : in.world.entities) {
+        level::EntityInfo entity;
+        for (const DocKey& k : e.keys) entity.keys.emplace_back(k.key, k.value);
+        entity.model = e.model.valid() ? static_cast<std::int32_t>(e.model.value) : -1;
+        entity.source_id = e.id, entity.source_line = e.line;
+        out.entities.push_back(std::move(entity));
+    }
+    return out;
+}
+
+Bytes pack(const PackInput& input, const level::WriteOptions& options, Context& context) {
+    context.check_cancelled();
+    try {
+        return level::write_level(level_content(input), options);
+    } catch (const std::invalid_argument& e) { // our own tables contradict each other
+        throw InternalError(std::string("pack: ") + e.what());
+    }
+}
+
+} // namespace kiln

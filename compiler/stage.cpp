@@ -1,0 +1,45 @@
+#include "compiler/stage.h"
+#include <sys/resource.h>
+
+namespace kiln {
+
+double StageRunner::cpu_seconds() {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    const auto seconds = [](timeval t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+    return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+std::optional<StageRunner::Entry> StageRunner::fetch(Hash key, Hash places) {
+    if (!run_.store || !run_.store->enabled()) return std::nullopt;
+    bool damaged = false;
+    const std::optional<Bytes> bytes = run_.store->load(key, &damaged);
+    if (damaged)
+        context_.report(Severity::note, "cache-damaged", "a damaged cache entry was rebuilt", {.file = run_.store->path(key)});
+    if (!bytes) return std::nullopt;
+    try {
+        Entry entry = from_bytes<Entry>(*bytes);
+        if (!entry.diagnostics.empty() && entry.places != places) return std::nullopt;
+        return entry;
+    } catch (const ArchiveError&) {
+        return std::nullopt;
+    }
+}
+
+void StageRunner::keep(Hash key, const Entry& entry) {
+    if (!run_.store || !run_.store->enabled()) return;
+    if (!run_.store->save(key, to_bytes(entry)))
+        context_.report(Severity::warning, "cache-unwritable", "a stage result could not be kept; the build goes on without",
+                        {.file = run_.store->path(key)});
+}
+
+void StageRunner::finish(const char* name, const Clock& clock, bool cached) {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - clock.wall;
+    reports_.push_back({name, wall.count(), cpu_seconds() - clock.cpu, static_cast<double>(usage.ru_maxrss) / 1024, cached});
+    context_.say(name, 1);
+    if (run_.stage_done) run_.stage_done(reports_.back());
+}
+
+} // namespace kiln

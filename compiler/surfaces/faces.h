@@ -1,0 +1,25 @@
+// From visible fragments to faces: which fragments show or block, merged into regions per brush side.
+#pragma once
+#include "compiler/surfaces/regions.h"
+#include "compiler/surfaces/surfaces.h"
+#include "libs/core/context.h"
+
+namespace kiln {
+
+struct FaceDraft {
+    Face face;                       // all but triangles and chart
+    std::vector<Loop> loops;         // as in Region; T-junctions inserted later
+    std::vector<Loop> convex;        // the same region as convex polygons that overlap nowhere
+    double luxel_size = 16;          // map units
+    bool lit = false;                // gets luxels
+    std::uint32_t smoothing_groups = 0;
+    double phong_angle_deg = 0;      // 0: not by angle
+};
+
+std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,
+                                        const SurfacesOptions& options, VertexTable& vertices, Context& context);
+
+// The frame of a side's texture axes on a plane; false where they do not span it (the frame is then any one).
+bool tangent_frame(const DocTexture& texture, Vec3 normal, Frame& frame);
+
+} // namespace kiln

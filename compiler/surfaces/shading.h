@@ -1,0 +1,11 @@
+// Shading normals: flat, or angle-weighted over the faces of a smoothing group around each vertex.
+#pragma once
+#include "compiler/surfaces/adjacency.h"
+#include "compiler/surfaces/faces.h"
+
+namespace kiln {
+
+// Fills surfaces.corner_normals. `drafts` is parallel to surfaces.faces.
+void shade_corners(Surfaces& surfaces, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency);
+
+} // namespace kiln

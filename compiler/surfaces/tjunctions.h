@@ -1,0 +1,12 @@
+// Corners of one region that lie on the edge of another become vertices of that edge, so that neighbouring faces
+// share every vertex along their common border.
+#pragma once
+#include "compiler/surfaces/regions.h"
+#include "libs/core/context.h"
+
+namespace kiln {
+
+// Inserts into each loop's edges every vertex of any of the loops that lies strictly on them; exact.
+void insert_tjunctions(const VertexTable& vertices, std::span<Loop* const> loops, Context& context);
+
+} // namespace kiln

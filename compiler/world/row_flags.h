@@ -1,0 +1,15 @@
+// The three integers of Quake 2 and 3 rows. Private to the folder.
+#pragma once
+#include "formats/document/document.h"
+#include "formats/material/material.h"
+
+namespace kiln {
+
+// Quake 3 keeps the layout of Quake 2 but means only the detail bit: all else comes from its shaders. The two
+// can only be told apart by the map: Quake 3 has patches and its tool textures lie in "common/".
+bool means_quake3(const Document& document);
+
+// `material` as this row wants it.
+Material with_row_flags(Material material, const DocSide& side, MapFormat format, bool quake3);
+
+} // namespace kiln

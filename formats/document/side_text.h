@@ -1,0 +1,24 @@
+// What both map readers share: the faults of numbers in a side, told the same way with the same codes.
+#pragma once
+#include "formats/document/document.h"
+#include "libs/core/context.h"
+#include <string>
+#include <string_view>
+
+namespace kiln {
+
+// Reads one coordinate of a plane point. On a fault (no number, not finite, beyond kLargestCoordinate) reports
+// an error at `where` and returns false.
+bool read_coordinate(std::string_view text, Decimal& out, const SourceLocation& where, Context& context);
+
+// A texture scale of zero cannot be divided by: 1 with a warning, as the original compilers do silently.
+void mend_texture_scale(DocTexture& texture, const SourceLocation& where, Context& context);
+
+// Text from an unknown file, fit to be shown: at most 40 bytes, control characters and bytes above 126 as '?'.
+std::string shown(std::string_view text);
+
+// Bytes that cannot be map text (empty, zero bytes, UTF-16): the fault that says so; nothing for text.
+// `text` loses a UTF-8 byte order mark and zero bytes at its end.
+std::optional<Fault> reject_non_text(std::string_view& text, const std::string& file);
+
+} // namespace kiln

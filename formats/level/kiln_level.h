@@ -1,0 +1,301 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Run-time loader of Kiln level files (.kiln), a C11 interface. The layout of the file is FORMAT.md.
+ *
+ * Space     world: right-handed, +z up, map units. Colours: linear RGB.
+ * Memory    the bytes given to kiln_level_open_memory are borrowed (they may be a mapped file) and must outlive
+ *           the level; everything the level hands out lives until kiln_level_close.
+ * Loading   opening reads the directory only. Each lump is verified and decoded at its first use, once.
+ * Threads   after opening, every function may be called from any number of threads at a time, except close.
+ * Trust     none in the file: every length and index is checked before it is used. A damaged lump makes the
+ *           functions that need it return an error, NULL or KILN_NO_INDEX; the other lumps stay usable.
+ */
+#ifndef KILN_LEVEL_H
+#define KILN_LEVEL_H
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define KILN_NO_INDEX UINT32_MAX
+#define KILN_FORMAT_VERSION 1
+
+typedef struct kiln_level kiln_level;
+
+typedef enum kiln_status {
+    KILN_OK = 0,
+    KILN_NONE = 1,         /* nothing is stored for what was asked; not a fault */
+    KILN_BAD_ARGUMENT = 2, /* an index past the end, a null pointer */
+    KILN_NOT_A_LEVEL = 3,  /* no "KILN" at the start */
+    KILN_UNSUPPORTED = 4,  /* a version or codec this library does not know */
+    KILN_DAMAGED = 5,      /* truncated, wrong checksum, or a length or index that cannot be */
+    KILN_TOO_LARGE = 6,    /* claims more memory than the limits allow */
+    KILN_NO_MEMORY = 7,
+    KILN_MISSING = 8       /* the file has no such lump (it may have been stripped) */
+} kiln_status;
+const char* kiln_status_text(kiln_status status);
+
+kiln_status kiln_level_open_memory(const void* bytes, size_t size, kiln_level** level);
+void kiln_level_close(kiln_level* level); /* NULL is fine */
+
+/* ---- Directory ------------------------------------------------------------------------------------------- */
+
+typedef enum kiln_codec { KILN_CODEC_NONE = 0, KILN_CODEC_ZSTD = 1 } kiln_codec;
+typedef struct kiln_lump {
+    char name[5];   /* four characters and NUL */
+    uint32_t index; /* number among lumps of that name (pages, probes) */
+    uint32_t version, codec;
+    uint64_t offset, stored_size, raw_size;
+    uint64_t checksum; /* XXH3-64 of the stored bytes */
+} kiln_lump;
+size_t kiln_level_lump_count(const kiln_level* level);
+kiln_status kiln_level_lump(const kiln_level* level, size_t i, kiln_lump* lump);
+/* Verifies and decodes lump i now. `what` (may be NULL) gets a sentence about a fault, else "". Unknown lumps are
+ * checked against their checksum only. */
+kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what);
+/* Loads all lumps; the first fault, or KILN_OK. */
+kiln_status kiln_level_check(const kiln_level* level, const char** what);
+
+typedef enum kiln_rnm_encoding { KILN_RNM_DOT = 0, KILN_RNM_SQ = 1, KILN_RNM_TILTED = 2 } kiln_rnm_encoding;
+typedef struct kiln_info {
+    uint32_t rnm_encoding;       /* kiln_rnm_encoding */
+    uint32_t position_grid_bits; /* mesh vertices are multiples of 2^-bits map units */
+    uint32_t plane_grid_bits;    /* exact planes hold over coordinates times 2^bits */
+    uint32_t stripped;           /* 1: no provenance, no texel quality */
+    uint32_t planes, nodes, leaves, clusters, portals, brushes, materials, models;
+    uint32_t vertices, triangles, faces, charts, pages, lights, cubes, cube_cells, probes, entities;
+    uint32_t degenerate_triangles; /* of no area on the position grid; left out by the writer */
+    uint64_t texels;               /* of all charts, gutters included */
+} kiln_info;
+kiln_status kiln_level_info(const kiln_level* level, kiln_info* info);
+/* JSON text: source, compiler version, options, input hash, error estimate. NUL-terminated; NULL: missing. */
+const char* kiln_level_meta_json(const kiln_level* level, size_t* length);
+
+/* ---- Geometry -------------------------------------------------------------------------------------------- */
+
+typedef struct kiln_plane { /* id ^ 1 is the same plane facing the other way */
+    double normal[3];        /* unit */
+    double distance;         /* dot(normal, x) = distance, map units */
+    int64_t exact_normal[3]; /* integers a, b, c of a*x + b*y + c*z = d, x in map units * 2^plane_grid_bits */
+    int64_t exact_d_high;    /* d = high * 2^64 + low */
+    uint64_t exact_d_low;
+} kiln_plane;
+typedef struct kiln_node {
+    uint32_t plane;
+    int32_t child[2]; /* front, behind; >= 0: node; < 0: leaf -(child + 1) */
+    float lo[3], hi[3];
+} kiln_node;
+typedef struct kiln_leaf {
+    uint32_t contents; /* 0 empty, 1 solid, 4 water, 5 slime, 6 lava; others: FORMAT.md */
+    int32_t cluster;   /* -1: solid or outside */
+    uint32_t area, probe; /* probe: KILN_NO_INDEX where none */
+    float lo[3], hi[3];
+    uint32_t first_brush, brush_count; /* into kiln_level_leaf_brushes */
+    uint32_t first_face, face_count;   /* into kiln_level_leaf_faces */
+} kiln_leaf;
+typedef struct kiln_portal {
+    int32_t leaf[2]; /* the plane's front looks to leaf[0]; counter-clockwise seen from there */
+    uint32_t plane;
+    uint32_t first_point, point_count; /* into kiln_level_portal_points, three floats each */
+} kiln_portal;
+typedef struct kiln_brush { /* inside = behind all its planes */
+    uint32_t model, contents;
+    uint32_t first_plane, plane_count; /* into kiln_level_brush_planes */
+} kiln_brush;
+typedef struct kiln_material {
+    const char* name;
+    const char* albedo_map; /* file name or "" */
+    const char* normal_map;
+    float reflectance[3], emission[3]; /* emission: radiance */
+    float alpha, env_map, roughness;   /* env_map: share of the cubemap's reflection */
+    uint32_t flags;                    /* FORMAT.md */
+    uint32_t width, height;            /* texels, for texture coordinates */
+} kiln_material;
+
+enum { KILN_FACE_DRAWN = 1, KILN_FACE_SKY = 2, KILN_FACE_TWO_SIDED = 4, KILN_FACE_BLOCKS_LIGHT = 8 };
+typedef struct kiln_face {
+    uint32_t material, model, plane;
+    uint32_t chart, probe;                    /* KILN_NO_INDEX: none */
+    uint32_t first_triangle, triangle_count;
+    uint32_t flags;
+    float tangent[3], bitangent[3], normal[3]; /* of its texture; the bitangent keeps mirroring */
+    double u_axis[3], v_axis[3], u_scale, v_scale, u_shift, v_shift; /* texel = dot(x, axis) / scale + shift */
+} kiln_face;
+typedef struct kiln_chart { /* a luxel grid; texel (i,j) is centred at luxel coordinate (i + .5, j + .5) */
+    double origin[3], s[3], t[3]; /* luxel coordinates of x: dot(x - origin, s) / luxel_size, the same with t */
+    float luxel_size;             /* map units */
+    uint32_t width, height;       /* texels, gutter included */
+    uint32_t directional;         /* 1: three layers; 0: irradiance for the flat normal only */
+    uint32_t smooth;              /* 1: the RNM frame follows the interpolated normal, see FORMAT.md */
+    uint32_t page, page_x, page_y;
+    float tangent[3], bitangent[3], normal[3]; /* RNM frame */
+    float error;                  /* estimated relative error of the bake, 0: unknown */
+} kiln_chart;
+
+const kiln_plane* kiln_level_planes(const kiln_level* level, size_t* count);
+const kiln_node* kiln_level_nodes(const kiln_level* level, size_t* count);
+const kiln_leaf* kiln_level_leaves(const kiln_level* level, size_t* count);
+const uint32_t* kiln_level_leaf_brushes(const kiln_level* level, size_t* count);
+const uint32_t* kiln_level_leaf_faces(const kiln_level* level, size_t* count);
+const kiln_portal* kiln_level_portals(const kiln_level* level, size_t* count);
+const float* kiln_level_portal_points(const kiln_level* level, size_t* point_count);
+const kiln_brush* kiln_level_brushes(const kiln_level* level, size_t* count);
+const uint32_t* kiln_level_brush_planes(const kiln_level* level, size_t* count);
+const kiln_material* kiln_level_materials(const kiln_level* level, size_t* count);
+const kiln_face* kiln_level_faces(const kiln_level* level, size_t* count);
+const kiln_chart* kiln_level_charts(const kiln_level* level, size_t* count);
+/* The render mesh: vertices shared between faces. Triangles are counter-clockwise from the front, grouped by face. */
+const int32_t* kiln_level_grid_positions(const kiln_level* level, size_t* vertex_count); /* * 2^-position_grid_bits */
+const float* kiln_level_positions(const kiln_level* level, size_t* vertex_count);
+const uint32_t* kiln_level_triangles(const kiln_level* level, size_t* triangle_count);
+const float* kiln_level_corner_normals(const kiln_level* level, size_t* triangle_count); /* nine floats each */
+
+/* Which leaf holds a point (on a plane: the front one); KILN_NO_INDEX where there is no tree. */
+uint32_t kiln_level_find_leaf(const kiln_level* level, const double point[3]);
+/* One bit a cluster, 64 a word; NULL for clusters that are none. The row stays valid until close. */
+const uint64_t* kiln_level_pvs_row(const kiln_level* level, int32_t cluster, size_t* words);
+/* The same into the caller's memory, decompressing one block of rows only. */
+kiln_status kiln_level_read_pvs_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words);
+int kiln_level_cluster_visible(const kiln_level* level, int32_t from, int32_t to); /* 1, 0; -1 as one: 0 */
+/* Texture coordinates (1 = one repetition of the image, v down). */
+kiln_status kiln_level_texture_uv(const kiln_level* level, uint32_t face, const double point[3], double uv[2]);
+/* Interpolated normal of the face's mesh at a point on it. */
+kiln_status kiln_level_shading_normal(const kiln_level* level, uint32_t face, const double point[3],
+                                      float normal[3]);
+/* Tangent frame (t, b, n) of a face around a shading normal: Gram-Schmidt of the face's own, mirroring kept. */
+kiln_status kiln_level_tangent_frame(const kiln_level* level, uint32_t face, const float shading_normal[3],
+                                     float t[3], float b[3], float n[3]);
+
+/* ---- Light on surfaces: irradiance E; a diffuse surface shows albedo / pi * E ------------------------------- */
+
+typedef enum kiln_texel_format { KILN_TEXEL_HALF3 = 0, KILN_TEXEL_RGB9E5 = 1 } kiln_texel_format;
+typedef struct kiln_page {
+    uint32_t width, height, layers; /* layers: 1 flat; 3 RNM; 4 RNM and flat (tilted encoding) */
+    uint32_t format;                /* kiln_texel_format */
+    float scale;                    /* value = texel * scale */
+    const void* texels;             /* layer, row, column; three halfs or one word each; NULL: not loaded */
+    size_t size;                    /* bytes */
+} kiln_page;
+kiln_status kiln_level_page_info(const kiln_level* level, uint32_t page, kiln_page* info); /* texels stay NULL */
+kiln_status kiln_level_page(const kiln_level* level, uint32_t page, kiln_page* out);
+/* One texel of a layer, decoded. */
+kiln_status kiln_level_page_texel(const kiln_level* level, uint32_t page, uint32_t layer, uint32_t x, uint32_t y,
+                                  float rgb[3]);
+/* Validity (0 outside any face, 1 baked, 2 filled from neighbours) and relative standard error of each texel of a
+ * page, row by row; either may be NULL. KILN_MISSING where the level was stripped. */
+kiln_status kiln_level_page_quality(const kiln_level* level, uint32_t page, uint8_t* valid, float* error);
+
+/* Irradiance for the flat normal, bilinear. KILN_NONE: the face has no lightmap. */
+kiln_status kiln_level_eval_flat(const kiln_level* level, uint32_t face, const double point[3], float rgb[3]);
+/* Irradiance for a normal in world space by the run-time formula of the level's encoding. */
+kiln_status kiln_level_eval_rnm(const kiln_level* level, uint32_t face, const double point[3],
+                                const float world_normal[3], float rgb[3]);
+/* The same with the normal in the tangent frame (what a normal map stores). */
+kiln_status kiln_level_eval_rnm_local(const kiln_level* level, uint32_t face, const double point[3],
+                                      const float local_normal[3], float rgb[3]);
+/* The same at luxel coordinates of a chart. */
+kiln_status kiln_level_eval_rnm_luxel(const kiln_level* level, uint32_t chart, double s, double t,
+                                      const float local_normal[3], float rgb[3]);
+/* The formula alone: three stored vectors and a unit normal in the tangent frame. */
+void kiln_rnm_formula(kiln_rnm_encoding encoding, const float stored[3][3], const float local_normal[3],
+                      float rgb[3]);
+
+/* ---- Light in the air ------------------------------------------------------------------------------------ */
+
+typedef struct kiln_light {
+    uint32_t kind;    /* 0 point, 1 spot, 2 sun, 3 sky */
+    uint32_t falloff; /* 0: 1/(constant + linear d + quadratic d^2); 1: max(0, 1 - d/range); 2: none */
+    double position[3], direction[3];
+    float intensity[3];
+    double constant_attn, linear_attn, quadratic_attn, range, fade_start, fade_end;
+    double cos_inner, cos_outer, exponent;
+    double angular_radius_rad; /* sun: of its disc */
+    double angle_scale;        /* cos -> 1 - scale + scale * cos */
+    uint32_t style;
+} kiln_light;
+typedef struct kiln_cube {
+    float position[3];
+    float irradiance[6][3];            /* +x -x +y -y +z -z */
+    uint32_t first_light, light_count; /* into kiln_level_cube_lights: lights that are not in the cube */
+} kiln_cube;
+typedef struct kiln_cube_cell {
+    float lo[3], size;
+    uint32_t cubes[8]; /* corner x + 2y + 4z; KILN_NO_INDEX: none */
+    uint32_t mask;     /* bit c: the cell's air may use corner c */
+    float plane_normal[3]; /* a wall through the cell: */
+    double plane_distance;
+    uint32_t beyond;   /* the cell for dot(plane_normal, p) > plane_distance; KILN_NO_INDEX: this one is all */
+} kiln_cube_cell;
+typedef struct kiln_cube_tree {
+    double origin[3];
+    float root_size;
+    uint32_t root_count[3];
+    const int32_t* nodes; /* roots first, x fastest; >= 0: first of 8 children; < 0: -(cell + 1); INT32_MIN: no air */
+    size_t node_count;
+} kiln_cube_tree;
+typedef struct kiln_light_weight { uint32_t light; float weight; } kiln_light_weight;
+
+const kiln_light* kiln_level_lights(const kiln_level* level, size_t* count);
+const kiln_cube* kiln_level_cubes(const kiln_level* level, size_t* count);
+const kiln_cube_cell* kiln_level_cube_cells(const kiln_level* level, size_t* count);
+const uint32_t* kiln_level_cube_lights(const kiln_level* level, size_t* count);
+kiln_status kiln_level_cube_tree(const kiln_level* level, kiln_cube_tree* tree);
+/* Ambient cube at a point: usable corners of its cell, trilinear. KILN_NONE: no air there. */
+kiln_status kiln_level_ambient(const kiln_level* level, const double point[3], float rgb[6][3]);
+/* Irradiance at a point for a unit normal: sum of n_a^2 c[a, n_a < 0]. */
+kiln_status kiln_level_ambient_eval(const kiln_level* level, const double point[3], const float normal[3],
+                                    float rgb[3]);
+/* Lights to add to the cube of a point, each with its share 0..1; at most `capacity` are written, *count is how many
+ * there are (never more than 8 * the most lights of a cube). */
+kiln_status kiln_level_ambient_lights(const kiln_level* level, const double point[3], kiln_light_weight* out,
+                                      size_t capacity, size_t* count);
+
+/* ---- Reflections ----------------------------------------------------------------------------------------- */
+
+typedef struct kiln_probe {
+    float position[3];
+    int32_t entity;      /* -1: the level's default probe */
+    uint32_t size, mips; /* texels along an edge of mip 0; mip m is filtered for roughness m / (mips - 1) */
+    uint32_t boxed;      /* 1: box_lo, box_hi is its parallax box */
+    float box_lo[3], box_hi[3];
+} kiln_probe;
+const kiln_probe* kiln_level_probes(const kiln_level* level, size_t* count);
+/* RGB9E5 texels, value = decoded * *scale: mip, face (+x -x +y -y +z -z), row, column. */
+const uint32_t* kiln_level_probe_texels(const kiln_level* level, uint32_t probe, size_t* count, float* scale);
+uint32_t kiln_level_nearest_cubemap(const kiln_level* level, const double point[3]); /* of its leaf, else by distance */
+/* Linear radiance, filtered across edges and between mips. The direction need not be unit. */
+kiln_status kiln_level_sample_cubemap(const kiln_level* level, uint32_t probe, const float direction[3],
+                                      float roughness, float rgb[3]);
+/* The direction in which a probe with a box shows what a ray from `point` along `direction` would meet. */
+kiln_status kiln_level_parallax_direction(const kiln_level* level, uint32_t probe, const double point[3],
+                                          const float direction[3], float corrected[3]);
+/* Orientation of the six faces; u right, v down, in [-1,1]; the direction is not normalised. */
+void kiln_cube_direction(int face, float u, float v, float direction[3]);
+
+/* ---- Entities and where things came from ------------------------------------------------------------------ */
+
+size_t kiln_level_entity_key_count(const kiln_level* level, uint32_t entity);
+kiln_status kiln_level_entity_key(const kiln_level* level, uint32_t entity, size_t i, const char** key,
+                                  const char** value);
+/* First value of a key (exact spelling); NULL where there is none. */
+const char* kiln_level_entity_value(const kiln_level* level, uint32_t entity, const char* key);
+int32_t kiln_level_entity_model(const kiln_level* level, uint32_t entity); /* -1: none */
+
+typedef struct kiln_source { int32_t entity, brush, side, line; } kiln_source; /* ids of the map file; -1, 0: unknown */
+/* KILN_MISSING where the level was stripped. */
+kiln_status kiln_level_face_source(const kiln_level* level, uint32_t face, kiln_source* source);
+kiln_status kiln_level_brush_source(const kiln_level* level, uint32_t brush, kiln_source* source);
+kiln_status kiln_level_brush_side_source(const kiln_level* level, uint32_t brush_plane, int32_t* side);
+kiln_status kiln_level_entity_source(const kiln_level* level, uint32_t entity, kiln_source* source);
+kiln_status kiln_level_light_source(const kiln_level* level, uint32_t light, kiln_source* source);
+
+/* ---- Number formats -------------------------------------------------------------------------------------- */
+float kiln_half_to_float(uint16_t half);
+void kiln_rgb9e5_to_float(uint32_t packed, float rgb[3]);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: MIT
+// C interface: tables, tree, visibility, entities, provenance.
+#include "formats/level/level_state.h"
+#include <cmath>
+
+using namespace kiln::level;
+
+namespace {
+
+template <class T> const T* rows_or_null(const std::vector<T>* rows, size_t* count, std::size_t each = 1) {
+    if (count) *count = rows ? rows->size() / each : 0;
+    return rows && !rows->empty() ? rows->data() : nullptr;
+}
+template <class Table, class T> const std::vector<T>* member(const Table* table, std::vector<T> Table::*m) {
+    return table ? &(table->*m) : nullptr;
+}
+double dot3(const auto* a, const auto* b) {
+    return static_cast<double>(a[0]) * b[0] + static_cast<double>(a[1]) * b[1] + static_cast<double>(a[2]) * b[2];
+}
+void cross3(const double a[3], const double b[3], double out[3]) {
+    out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
+}
+bool normalize3(double v[3]) {
+    const double length = std::sqrt(dot3(v, v));
+    if (!(length > 0) || !(length < 1e300)) return false;
+    for (int i = 0; i < 3; ++i) v[i] /= length;
+    return true;
+}
+
+} // namespace
+
+extern "C" {
+
+#define KILN_ROWS(result, function, part, Table, list)                                                             \
+    const result* kiln_level_##function(const kiln_level* level, size_t* count) {                                  \
+        return rows_or_null(member(level ? level->get_##part() : nullptr, &Table::list), count);                   \
+    }
+KILN_ROWS(kiln_plane, planes, planes, Planes, rows)
+KILN_ROWS(kiln_node, nodes, nodes, Nodes, rows)
+KILN_ROWS(kiln_leaf, leaves, leaves, Leaves, rows)
+KILN_ROWS(uint32_t, leaf_brushes, leaves, Leaves, brushes)
+KILN_ROWS(uint32_t, leaf_faces, leaves, Leaves, faces)
+KILN_ROWS(kiln_portal, portals, portals, Portals, rows)
+KILN_ROWS(kiln_brush, brushes, brushes, Brushes, rows)
+KILN_ROWS(uint32_t, brush_planes, brushes, Brushes, planes)
+KILN_ROWS(kiln_material, materials, materials, Materials, rows)
+KILN_ROWS(kiln_face, faces, faces, Faces, rows)
+KILN_ROWS(kiln_chart, charts, charts, Charts, rows)
+KILN_ROWS(kiln_light, lights, lights, Lights, rows)
+KILN_ROWS(kiln_cube, cubes, cubes, Cubes, cubes)
+KILN_ROWS(kiln_cube_cell, cube_cells, cubes, Cubes, cells)
+KILN_ROWS(uint32_t, cube_lights, cubes, Cubes, lights)
+KILN_ROWS(kiln_probe, probes, probes, ProbeTable, rows)
+#undef KILN_ROWS
+
+const float* kiln_level_portal_points(const kiln_level* level, size_t* count) {
+    const auto* points = rows_or_null(member(level ? level->get_portals() : nullptr, &Portals::points), count);
+    return points ? points->xyz : nullptr;
+}
+const int32_t* kiln_level_grid_positions(const kiln_level* level, size_t* count) {
+    return rows_or_null(member(level ? level->get_mesh() : nullptr, &Mesh::grid), count, 3);
+}
+const float* kiln_level_positions(const kiln_level* level, size_t* count) {
+    return rows_or_null(member(level ? level->get_mesh() : nullptr, &Mesh::positions), count, 3);
+}
+const uint32_t* kiln_level_triangles(const kiln_level* level, size_t* count) {
+    return rows_or_null(member(level ? level->get_mesh() : nullptr, &Mesh::triangles), count, 3);
+}
+const float* kiln_level_corner_normals(const kiln_level* level, size_t* count) {
+    return rows_or_null(level ? level->get_normals() : nullptr, count, 9);
+}
+
+uint32_t kiln_level_find_leaf(const kiln_level* level, const double point[3]) {
+    if (!level || !point) return KILN_NO_INDEX;
+    const Nodes* nodes = level->get_nodes();
+    const Planes* planes = level->get_planes();
+    if (!nodes || !planes) return KILN_NO_INDEX;
+    if (nodes->rows.empty()) return level->info.leaves == 1 ? 0 : KILN_NO_INDEX;
+    std::int32_t at = 0;
+    // A tree visits no node twice; a damaged one may have a loop.
+    for (std::size_t steps = 0; at >= 0; ++steps) {
+        if (steps >= nodes->rows.size()) return KILN_NO_INDEX;
+        const kiln_node& n = nodes->rows[static_cast<std::size_t>(at)];
+        const kiln_plane& p = planes->rows[n.plane];
+        at = n.child[dot3(p.normal, point) - p.distance >= 0 ? 0 : 1];
+    }
+    return static_cast<std::uint32_t>(-(at + 1));
+}
+
+const uint64_t* kiln_level_pvs_row(const kiln_level* level, int32_t cluster, size_t* words) {
+    if (words) *words = 0;
+    if (!level || cluster < 0 || static_cast<std::uint32_t>(cluster) >= level->info.clusters) return nullptr;
+    const auto* rows = level->get_vis_rows();
+    if (!rows) return nullptr;
+    const Visibility& v = *level->get_visibility();
+    if (words) *words = v.words;
+    return rows->data() + v.row_of[static_cast<std::size_t>(cluster)] * v.words;
+}
+
+kiln_status kiln_level_read_pvs_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words) {
+    if (!level || !row || cluster < 0 || static_cast<std::uint32_t>(cluster) >= level->info.clusters)
+        return KILN_BAD_ARGUMENT;
+    const Visibility* v = level->get_visibility();
+    if (!v) return level->fault_of(fourcc("VISR"));
+    if (words < v->words) return KILN_BAD_ARGUMENT;
+    try {
+        const std::uint32_t r = v->row_of[static_cast<std::size_t>(cluster)], block = r / v->block_rows;
+        const std::size_t n = std::min(v->block_rows, v->unique - block * v->block_rows) * v->words;
+        const Blob raw = decompress(v->blocks[block], n * 8);
+        std::memcpy(row, raw.data() + r % v->block_rows * v->words * 8, v->words * 8);
+        return KILN_OK;
+    } catch (const Failure& f) {
+        return f.status;
+    } catch (const std::bad_alloc&) {
+        return KILN_NO_MEMORY;
+    } catch (const std::exception&) {
+        return KILN_DAMAGED;
+    }
+}
+
+int kiln_level_cluster_visible(const kiln_level* level, int32_t from, int32_t to) {
+    size_t words = 0;
+    const std::uint64_t* row = kiln_level_pvs_row(level, from, &words);
+    if (!row || to < 0 || static_cast<std::uint32_t>(to) >= level->info.clusters) return 0;
+    return static_cast<int>(row[to / 64] >> (to % 64) & 1);
+}
+
+kiln_status kiln_level_texture_uv(const kiln_level* level, uint32_t face, const double point[3], double uv[2]) {
+    if (!level || !point || !uv || face >= level->info.faces) return KILN_BAD_ARGUMENT;
+    const Faces* faces = level->get_faces();
+    if (!faces) return level->fault_of(fourcc("FACE"));
+    const Materials* materials = level->get_materials();
+    if (!materials) return level->fault_of(fourcc("MATL"));
+    const kiln_face& f = faces->rows[face];
+    const kiln_material& m = materials->rows[f.material];
+    const auto coordinate = [&](const double* axis, double scale, double shift, std::uint32_t size) {
+        return (dot3(point, axis) / (scale != 0 ? scale : 1) + shift) / (size ? size : 1);
+    };
+    uv[0] = coordinate(f.u_axis, f.u_scale, f.u_shift, m.width);
+    uv[1] = coordinate(f.v_axis, f.v_scale, f.v_shift, m.height);
+    return KILN_OK;
+}
+
+kiln_status kiln_level_shading_normal(const kiln_level* level, uint32_t face, const double point[3], float normal[3]) {
+    if (!level || !point || !normal || face >= level->info.faces) return KILN_BAD_ARGUMENT;
+    const Faces* faces = level->get_faces();
+    if (!faces) return level->fault_of(fourcc("FACE"));
+    const Mesh* mesh = level->get_mesh();
+    if (!mesh) return level->fault_of(fourcc("MESH"));
+    const std::vector<float>* normals = level->get_normals();
+    if (!normals) return level->fault_of(fourcc("NRML"));
+    const kiln_face& f = faces->rows[face];
+    // The triangle the point lies in, or lies least outside of.
+    double best = -1e300, weight[3] = {1, 0, 0};
+    std::size_t triangle = SIZE_MAX;
+    for (std::uint32_t i = 0; i < f.triangle_count; ++i) {
+        const std::size_t t = std::size_t{f.first_triangle} + i;
+        double corner[3][3], edge[2][3], n[3];
+        for (std::size_t c = 0; c < 3; ++c)
+            for (std::size_t k = 0; k < 3; ++k)
+                corner[c][k] = mesh->positions[mesh->triangles[3 * t + c] * std::size_t{3} + k];
+        for (std::size_t k = 0; k < 3; ++k)
+            edge[0][k] = corner[1][k] - corner[0][k], edge[1][k] = corner[2][k] - corner[0][k];
+        cross3(edge[0], edge[1], n);
+        const double area = dot3(n, n);
+        if (!(area > 0)) continue;
+        double w[3];
+        for (std::size_t c = 0; c < 3; ++c) {
+            double a[3], b[3], x[3];
+            for (std::size_t k = 0; k < 3; ++k)
+                a[k] = corner[(c + 1) % 3][k] - point[k], b[k] = corner[(c + 2) % 3][k] - point[k];
+            cross3(a, b, x);
+            w[c] = dot3(x, n) / area;
+        }
+        const double least = std::min(w[0], std::min(w[1], w[2]));
+        if (least > best) best = least, triangle = t, std::copy(w, w + 3, weight);
+    }
+    double n[3] = {f.normal[0], f.normal[1], f.normal[2]};
+    if (triangle != SIZE_MAX) {
+        double sum[3] = {};
+        for (std::size_t c = 0; c < 3; ++c)
+            for (std::size_t k = 0; k < 3; ++k)
+                sum[k] += std::max(0.0, weight[c]) * (*normals)[9 * triangle + 3 * c + k];
+        if (normalize3(sum)) std::copy(sum, sum + 3, n);
+    }
+    for (int k = 0; k < 3; ++k) normal[k] = static_cast<float>(n[k]);
+    return KILN_OK;
+}
+
+kiln_status kiln_level_tangent_frame(const kiln_level* level, uint32_t face, const float shading_normal[3], float t[3],
+                                     float b[3], float n[3]) {
+    if (!level || !shading_normal || !t || !b || !n || face >= level->info.faces) return KILN_BAD_ARGUMENT;
+    const Faces* faces = level->get_faces();
+    if (!faces) return level->fault_of(fourcc("FACE"));
+    const kiln_face& f = faces->rows[face];
+    double nn[3] = {shading_normal[0], shading_normal[1], shading_normal[2]};
+    double ft[3] = {f.tangent[0], f.tangent[1], f.tangent[2]}, fn[3] = {f.normal[0], f.normal[1], f.normal[2]};
+    if (!normalize3(nn)) std::copy(fn, fn + 3, nn);
+    double hand[3], tt[3], bb[3];
+    cross3(fn, ft, hand);
+    const bool mirrored = dot3(hand, f.bitangent) < 0;
+    const double along = dot3(nn, ft);
+    for (int k = 0; k < 3; ++k) tt[k] = ft[k] - along * nn[k];
+    if (!normalize3(tt)) { // the tangent stands on the surface: any direction in it
+        const double other[3] = {std::abs(nn[0]) < 0.5 ? 1.0 : 0.0, std::abs(nn[0]) < 0.5 ? 0.0 : 1.0, 0};
+        cross3(other, nn, tt);
+        normalize3(tt);
+    }
+    cross3(nn, tt, bb);
+    for (int k = 0; k < 3; ++k) {
+        t[k] = static_cast<float>(tt[k]);
+        b[k] = static_cast<float>(mirrored ? -bb[k] : bb[k]);
+        n[k] = static_cast<float>(nn[k]);
+    }
+    return KILN_OK;
+}
+
+// ---- Entities, provenance
+
+size_t kiln_level_entity_key_count(const kiln_level* level, uint32_t entity) {
+    const Entities* table = level && entity < level->info.entities ? level->get_entities() : nullptr;
+    return table ? table->rows[entity].key_count : 0;
+}
+kiln_status kiln_level_entity_key(const kiln_level* level, uint32_t entity, size_t i, const char** key,
+                                  const char** value) {
+    if (!level || entity >= level->info.entities) return KILN_BAD_ARGUMENT;
+    const Entities* table = level->get_entities();
+    if (!table) return level->fault_of(fourcc("ENTS"));
+    const EntityRow& row = table->rows[entity];
+    if (i >= row.key_count) return KILN_BAD_ARGUMENT;
+    if (key) *key = table->keys[row.first_key + i].c_str();
+    if (value) *value = table->values[row.first_key + i].c_str();
+    return KILN_OK;
+}
+const char* kiln_level_entity_value(const kiln_level* level, uint32_t entity, const char* key) {
+    const Entities* table = level && key && entity < level->info.entities ? level->get_entities() : nullptr;
+    if (!table) return nullptr;
+    const EntityRow& row = table->rows[entity];
+    for (std::size_t i = row.first_key; i < std::size_t{row.first_key} + row.key_count; ++i)
+        if (table->keys[i] == key) return table->values[i].c_str();
+    return nullptr;
+}
+int32_t kiln_level_entity_model(const kiln_level* level, uint32_t entity) {
+    const Entities* table = level && entity < level->info.entities ? level->get_entities() : nullptr;
+    return table ? table->rows[entity].model : -1;
+}
+
+#define KILN_SOURCE(function, list)                                                                                \
+    kiln_status kiln_level_##function##_source(const kiln_level* level, uint32_t i, kiln_source* source) {         \
+        if (!level || !source) return KILN_BAD_ARGUMENT;                                                           \
+        const Provenance* table = level->get_provenance();                                                         \
+        if (!table) return level->fault_of(fourcc("PROV"));                                                        \
+        if (i >= table->list.size()) return KILN_BAD_ARGUMENT;                                                     \
+        *source = table->list[i];                                                                                  \
+        return KILN_OK;                                                                                            \
+    }
+KILN_SOURCE(face, faces)
+KILN_SOURCE(brush, brushes)
+KILN_SOURCE(entity, entities)
+KILN_SOURCE(light, lights)
+#undef KILN_SOURCE
+
+kiln_status kiln_level_brush_side_source(const kiln_level* level, uint32_t i, int32_t* side) {
+    if (!level || !side) return KILN_BAD_ARGUMENT;
+    const Provenance* table = level->get_provenance();
+    if (!table) return level->fault_of(fourcc("PROV"));
+    if (i >= table->brush_sides.size()) return KILN_BAD_ARGUMENT;
+    *side = table->brush_sides[i];
+    return KILN_OK;
+}
+
+} // extern "C"

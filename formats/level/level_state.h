@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: MIT
+// What an open level is inside: the directory, and each part decoded at its first use, once. Private.
+#pragma once
+#include "formats/level/mesh_codec.h"
+#include "formats/level/tables.h"
+#include <map>
+#include <memory>
+#include <mutex>
+#include <new>
+
+namespace kiln::level {
+
+struct Failure {
+    kiln_status status;
+    std::string what;
+};
+
+// A value made at most once, whichever thread comes first; a failure is kept as well.
+template <class T> class Lazy {
+public:
+    template <class Make> const T* get(const Make& make) {
+        std::call_once(once_, [&] {
+            try {
+                make(value_);
+                status_ = KILN_OK;
+                return;
+            } catch (const Failure& f) {
+                status_ = f.status, what_ = f.what;
+            } catch (const std::bad_alloc&) {
+                status_ = KILN_NO_MEMORY;
+            } catch (const std::exception& e) { // Damaged, and what a library throws at bytes it cannot take
+                status_ = KILN_DAMAGED, what_ = e.what();
+            }
+            value_ = T{};
+        });
+        return status_ == KILN_OK ? &value_ : nullptr;
+    }
+    kiln_status status() const { return status_; } // after get()
+    const char* what() const { return what_.empty() ? kiln_status_text(status_) : what_.c_str(); }
+
+private:
+    std::once_flag once_;
+    kiln_status status_ = KILN_OK;
+    std::string what_;
+    T value_{};
+};
+
+struct Mesh {
+    std::vector<std::int32_t> grid;
+    std::vector<float> positions;
+    std::vector<std::uint32_t> triangles;
+};
+struct Visibility {
+    std::size_t words = 0;
+    std::uint32_t block_rows = 1;
+    std::vector<std::uint32_t> row_of;        // per cluster: which unique row
+    std::uint32_t unique = 0;
+    std::vector<std::span<const std::uint8_t>> blocks; // in the file's bytes
+};
+
+} // namespace kiln::level
+
+struct kiln_level {
+    template <class T> using Lazy = kiln::level::Lazy<T>;
+
+    std::span<const std::uint8_t> bytes;
+    std::vector<kiln::level::Entry> entries;
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::size_t> at; // (id, index) to entry
+    kiln_info info{};
+
+    mutable Lazy<std::string> meta;
+    mutable Lazy<kiln::level::Planes> planes;
+    mutable Lazy<kiln::level::Nodes> nodes;
+    mutable Lazy<kiln::level::Leaves> leaves;
+    mutable Lazy<kiln::level::Visibility> visibility;
+    mutable Lazy<std::vector<std::uint64_t>> vis_rows; // unique rows, decoded
+    mutable Lazy<kiln::level::Portals> portals;
+    mutable Lazy<kiln::level::Brushes> brushes;
+    mutable Lazy<kiln::level::Materials> materials;
+    mutable Lazy<kiln::level::Faces> faces;
+    mutable Lazy<kiln::level::Mesh> mesh;
+    mutable Lazy<std::vector<float>> normals;
+    mutable Lazy<kiln::level::Charts> charts;
+    mutable Lazy<kiln::level::Lights> lights;
+    mutable Lazy<kiln::level::Cubes> cubes;
+    mutable Lazy<kiln::level::ProbeTable> probes;
+    mutable Lazy<kiln::level::Entities> entities;
+    mutable Lazy<kiln::level::Provenance> provenance;
+    std::unique_ptr<Lazy<kiln::level::Blob>[]> blobs; // per entry: LMPG, LMQA, PRBT
+
+    // Null where the part is missing or damaged.
+    const std::string* get_meta() const;
+    const kiln::level::Planes* get_planes() const;
+    const kiln::level::Nodes* get_nodes() const;
+    const kiln::level::Leaves* get_leaves() const;
+    const kiln::level::Visibility* get_visibility() const;
+    const std::vector<std::uint64_t>* get_vis_rows() const;
+    const kiln::level::Portals* get_portals() const;
+    const kiln::level::Brushes* get_brushes() const;
+    const kiln::level::Materials* get_materials() const;
+    const kiln::level::Faces* get_faces() const;
+    const kiln::level::Mesh* get_mesh() const;
+    const std::vector<float>* get_normals() const;
+    const kiln::level::Charts* get_charts() const;
+    const kiln::level::Lights* get_lights() const;
+    const kiln::level::Cubes* get_cubes() const;
+    const kiln::level::ProbeTable* get_probes() const;
+    const kiln::level::Entities* get_entities() const;
+    const kiln::level::Provenance* get_provenance() const;
+    const kiln::level::Blob* get_page(std::uint32_t page) const;    // run-time texels
+    const kiln::level::Blob* get_quality(std::uint32_t page) const; // validity, then error codes
+    const kiln::level::Blob* get_probe(std::uint32_t probe) const;
+
+    std::size_t find(std::uint32_t id, std::uint32_t index = 0) const; // entry, or entries.size()
+    kiln::level::Blob fetch(std::size_t entry) const;                  // verified and decompressed; throws
+    kiln::level::Blob fetch(std::uint32_t id, std::uint32_t index) const;
+    std::span<const std::uint8_t> verified(std::size_t entry) const;
+    // Why a part that some function needs is not there; KILN_DAMAGED where only its lump knows more.
+    kiln_status fault_of(std::uint32_t id, std::uint32_t index = 0) const;
+};
+
+namespace kiln::level {
+// zstd, checked: exactly raw_size bytes come out. Throws Damaged.
+Blob decompress(std::span<const std::uint8_t> stored, std::uint64_t raw_size);
+} // namespace kiln::level

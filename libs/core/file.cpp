@@ -1,0 +1,84 @@
+#include "libs/core/file.h"
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <filesystem>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace kiln {
+namespace {
+
+class Descriptor {
+public:
+    explicit Descriptor(int fd) : fd_(fd) {}
+    ~Descriptor() { close(); }
+    Descriptor(const Descriptor&) = delete;
+    Descriptor& operator=(const Descriptor&) = delete;
+    int get() const { return fd_; }
+    int close() {
+        const int result = fd_ >= 0 ? ::close(fd_) : 0;
+        fd_ = -1;
+        return result;
+    }
+
+private:
+    int fd_;
+};
+
+Fault io_fault(Exit exit, const char* code, const std::string& path, const std::string& what) {
+    return fault(exit, code, fmt::format("{}: {}", what, std::strerror(errno)), {.file = path});
+}
+
+} // namespace
+
+Result<Bytes> read_file(const std::string& path) {
+    Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    if (file.get() < 0) return io_fault(Exit::input, "cannot-read", path, "cannot be opened");
+    struct stat info {};
+    if (::fstat(file.get(), &info) == 0 && S_ISDIR(info.st_mode))
+        return fault(Exit::input, "cannot-read", "is a directory", {.file = path});
+    Bytes bytes;
+    if (info.st_size > 0) bytes.reserve(static_cast<std::size_t>(info.st_size));
+    std::uint8_t block[65536];
+    for (;;) {
+        const ssize_t got = ::read(file.get(), block, sizeof block);
+        if (got < 0 && errno == EINTR) continue;
+        if (got < 0) return io_fault(Exit::input, "cannot-read", path, "cannot be read");
+        if (got == 0) return bytes;
+        bytes.insert(bytes.end(), block, block + got);
+    }
+}
+
+Result<bool> write_file(const std::string& path, std::span<const std::uint8_t> bytes) {
+    // A device or pipe (/dev/stdout, /dev/full) cannot be renamed onto; everything else is replaced whole.
+    std::error_code ignored;
+    const auto kind = std::filesystem::status(path, ignored).type();
+    const bool direct = kind == std::filesystem::file_type::character || kind == std::filesystem::file_type::fifo ||
+                        kind == std::filesystem::file_type::socket;
+    const std::string temporary = direct ? path : fmt::format("{}.{}.tmp", path, ::getpid());
+    Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CLOEXEC | (direct ? 0 : O_CREAT | O_TRUNC), 0644));
+    if (file.get() < 0) return io_fault(Exit::io, "cannot-write", path, "cannot be created");
+    const auto failed = [&](const char* what) {
+        const Fault f = io_fault(Exit::io, "cannot-write", path, what);
+        if (!direct) ::unlink(temporary.c_str());
+        return f;
+    };
+    while (!bytes.empty()) {
+        const ssize_t put = ::write(file.get(), bytes.data(), bytes.size());
+        if (put < 0 && errno == EINTR) continue;
+        if (put < 0) return failed("cannot be written");
+        bytes = bytes.subspan(static_cast<std::size_t>(put));
+    }
+    if (!direct && ::fsync(file.get()) != 0) return failed("cannot be synced");
+    if (file.close() != 0) return failed("cannot be closed");
+    if (!direct && ::rename(temporary.c_str(), path.c_str()) != 0) return failed("cannot be renamed into place");
+    return true;
+}
+
+Result<bool> write_file(const std::string& path, const std::string& text) {
+    return write_file(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+}
+
+} // namespace kiln

@@ -1,0 +1,42 @@
+// Maps from the unit square to discs, hemispheres, spheres and triangles, all area preserving.
+#pragma once
+#include "libs/math/vec.h"
+#include <numbers>
+
+namespace kiln {
+
+struct SinCos { double sin = 0, cos = 1; };
+// Sine and cosine of 2 pi turns, of any finite turns: reduction to an eighth and Taylor polynomials, error < 1e-15.
+// Our own, so that results do not depend on the version of the system's library.
+SinCos sincos_turns(double turns);
+
+// Low-distortion map of the square to the unit disc (P. Shirley and K. Chiu 1997).
+Vec2 concentric_disc(Vec2 u);
+
+// Direction around +z with density cos/pi; the disc above lifted to the sphere.
+inline Vec3 cosine_hemisphere(Vec2 u) {
+    const Vec2 d = concentric_disc(u);
+    return {d.x, d.y, std::sqrt(std::max(0.0, 1 - d.x * d.x - d.y * d.y))};
+}
+
+// Direction with density 1/(4 pi).
+inline Vec3 uniform_sphere(Vec2 u) {
+    const double z = 1 - 2 * u.x, r = std::sqrt(std::max(0.0, 1 - z * z));
+    const SinCos a = sincos_turns(u.y);
+    return {r * a.cos, r * a.sin, z};
+}
+
+// Direction within `cos_angle` of +z, uniform in solid angle.
+inline Vec3 uniform_cap(Vec2 u, double cos_angle) {
+    const double z = 1 - u.x * (1 - cos_angle), r = std::sqrt(std::max(0.0, 1 - z * z));
+    const SinCos a = sincos_turns(u.y);
+    return {r * a.cos, r * a.sin, z};
+}
+
+// Barycentric weights of the second and third corner, uniform over a triangle.
+inline Vec2 uniform_triangle(Vec2 u) {
+    const double r = std::sqrt(u.x);
+    return {r * (1 - u.y), r * u.y};
+}
+
+} // namespace kiln

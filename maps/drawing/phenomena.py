@@ -1,0 +1,160 @@
+"""Small levels, one per phenomenon. Each function gives (map, materials)."""
+from .brushes import NODRAW, SKY, Map, box, faces, prism, room, slab_with_holes, wedge
+
+WHITE, GREY, RED, GREEN, LAMP, BLACK = ("kiln/white", "kiln/grey", "kiln/red", "kiln/green", "kiln/lamp", "kiln/black")
+PLAIN = {
+    WHITE: {"reflectance": [0.75, 0.75, 0.75]},
+    GREY: {"reflectance": [0.5, 0.5, 0.5]},
+    RED: {"reflectance": [0.63, 0.06, 0.05]},
+    GREEN: {"reflectance": [0.12, 0.45, 0.1]},
+    BLACK: {"reflectance": [0, 0, 0]},
+    LAMP: {"reflectance": [0, 0, 0], "emission": [16, 14, 11]},
+}
+
+
+def plain(*names): return {n: PLAIN[n] for n in names}
+
+
+def start(m, x, y, z=8): m.entity("info_player_start", origin=(x, y, z), angles="0 0 0")
+
+
+def furnace():
+    m = Map("Every surface gives e + rho = 1, so radiance is 1 everywhere, whatever stands in the room.")
+    a, b, c = "kiln/furnace_dark", "kiln/furnace_mid", "kiln/furnace_bright"
+    m.add(room((0, 0, 0), (192, 160, 128), faces(b, xm=a, xp=c, zm=c, zp=a), lightmap=8))
+    m.add(box((32, 32, 0), (80, 80, 96), faces(a, zp=c), lightmap=8))  # touches the floor
+    m.entity("func_detail", prism([(112, 80), (144, 88), (136, 120), (104, 112)], 0, 48, b, lightmap=8))
+    m.entity("func_detail", box((80, 40, 88), (128, 72, 96), c, lightmap=8))  # a shelf against the pillar
+    start(m, 160, 40)
+    return m, {a: {"reflectance": [0.2, 0.3, 0.1], "emission": [0.8, 0.7, 0.9]},
+               b: {"reflectance": [0.5, 0.4, 0.6], "emission": [0.5, 0.6, 0.4]},
+               c: {"reflectance": [0.8, 0.7, 0.9], "emission": [0.2, 0.3, 0.1]}}
+
+
+def cornell():
+    m = Map("A closed box with a red and a green wall, a lamp in the ceiling and two blocks turned out of the axes.")
+    m.add(room((0, 0, 0), (220, 220, 220), faces(WHITE, xm=RED, xp=GREEN), lightmap=8))
+    m.add(box((80, 85, 218), (140, 135, 220), faces(BLACK, zm=LAMP), lightmap=8))
+    m.add(prism([(52, 43), (111, 61), (93, 120), (34, 102)], 0, 66, WHITE, lightmap=8))
+    m.add(prism([(116, 121), (173, 99), (195, 156), (138, 178)], 0, 132, WHITE, lightmap=8))
+    start(m, 180, 30)
+    return m, plain(WHITE, RED, GREEN, LAMP, BLACK)
+
+
+def two_rooms():
+    m = Map("Light from one room reaches the other by a door only. 40 units are a metre; luxels of a quarter metre.")
+    floor, ceiling, sides, south, north = (f"kiln/grey{p}" for p in (50, 70, 60, 40, 70))
+    m.add(room((0, 0, 0), (320, 320, 160), {"z-": floor, "z+": ceiling, "x-": sides, "x+": sides, "y-": south, "y+": north},
+               lightmap=10))
+    m.add(slab_with_holes(0, (180, 0, 0), (190, 320, 160), [((120, 0), (180, 100))], sides, lightmap=10))
+    m.add(box((60, 200, 0), (120, 260, 60), floor, lightmap=10))
+    m.add(box((60, 60, 159), (100, 100, 160), faces(BLACK, zm=LAMP), lightmap=10))
+    start(m, 40, 40)
+    return m, {**{f"kiln/grey{p}": {"reflectance": [p / 100] * 3} for p in (40, 50, 60, 70)},
+               BLACK: PLAIN[BLACK], LAMP: {"reflectance": [0, 0, 0], "emission": [20, 20, 20]}}
+
+
+def corridor():
+    m = Map("A corridor with two right angles: its ends do not see each other, light arrives by bouncing only.")
+    w = GREY
+    m.add(box((-16, -16, -16), (400, 400, 0), faces(NODRAW, zp=w)))        # floor
+    m.add(box((-16, -16, 96), (400, 400, 112), faces(NODRAW, zm=WHITE)))   # ceiling
+    m.add(box((-16, -16, 0), (400, 0, 96), faces(NODRAW, yp=w)),
+          box((-16, 0, 0), (0, 400, 96), faces(NODRAW, xp=w)),
+          box((384, 0, 0), (400, 400, 96), faces(NODRAW, xm=w)),
+          box((0, 384, 0), (384, 400, 96), faces(NODRAW, ym=w)),
+          box((0, 96, 0), (288, 240, 96), w),       # the first leg runs along y = 0..96, the second along x = 288..384
+          box((0, 240, 0), (96, 384, 96), w),       # the third along y = 240..384, ending here
+          box((96, 336, 0), (288, 384, 96), w), box((288, 336, 0), (384, 384, 96), w))
+    m.entity("light", origin=(48, 48, 64), _light="255 240 220 400")
+    start(m, 144, 48)
+    return m, plain(WHITE, GREY)
+
+
+def thin_wall():
+    m = Map("A wall of one unit between a bright and an unlit room: the unlit one must stay exactly black.")
+    m.add(room((0, 0, 0), (257, 128, 96), GREY, lightmap=16))
+    m.add(box((128, 0, 0), (129, 128, 96), WHITE))
+    m.entity("light", origin=(64, 64, 72), _light="255 255 255 600")
+    start(m, 32, 32)
+    m.entity("info_target", origin=(192, 64, 48), targetname="dark_side")
+    return m, plain(WHITE, GREY)
+
+
+def sun_room():
+    m = Map("Sun and sky through one window; the sun patch on the floor has straight edges one can compute.",
+            skyname="sky_day")
+    lo, hi = (0, 0, 0), (256, 192, 128)
+    walls = room(lo, hi, faces(WHITE, zm=GREY), lightmap=8)
+    del walls[4]  # the wall at y = 0 has the window
+    m.add(walls)
+    m.add(slab_with_holes(1, (0, -16, 0), (256, 0, 128), [((96, 40), (160, 104))],
+                          faces(WHITE, ym=NODRAW), lightmap=8))
+    m.add(box((80, -32, 24), (176, -16, 120), SKY))
+    m.entity("light_environment", origin=(128, 96, 96), angles="-45 90 0", pitch="-45", _light="255 240 215 1000",
+             _ambient="170 200 255 200", SunSpreadAngle="0")
+    start(m, 32, 96)
+    return m, plain(WHITE, GREY)
+
+
+def spot_room():
+    m = Map("One light_spot straight down: inner cone 30, outer cone 45 degrees.")
+    m.add(room((0, 0, 0), (256, 256, 160), faces(GREY, zp=WHITE), lightmap=8))
+    m.entity("light_spot", origin=(128, 128, 144), angles="-90 0 0", pitch="-90", _inner_cone="30", _cone="45",
+             _exponent="1", _light="255 230 190 800", _quadratic_attn="1")
+    start(m, 32, 32)
+    return m, plain(WHITE, GREY)
+
+
+def detail_room():
+    m = Map("A func_detail pillar on a structural floor: it hides no floor luxel it does not cover and splits no leaf.")
+    m.add(room((0, 0, 0), (256, 192, 128), faces(WHITE, zm=GREY), lightmap=8))
+    m.entity("func_detail", box((112, 80, 0), (144, 112, 128), RED, lightmap=8))
+    m.entity("func_detail", box((104, 72, 0), (152, 120, 12), GREY, lightmap=8))  # overlaps the pillar's foot
+    m.entity("light", origin=(48, 96, 96), _light="255 255 255 400")
+    start(m, 208, 96)
+    return m, plain(WHITE, GREY, RED)
+
+
+def leak_room():
+    m = Map("A hole of 16 x 16 units in the wall at x = 256: this level leaks, shortest from the player start.")
+    walls = room((0, 0, 0), (256, 192, 128), GREY)
+    del walls[3]
+    m.add(walls)
+    m.add(slab_with_holes(0, (256, -16, 0), (272, 208, 128), [((88, 56), (104, 72))], faces(GREY, xp=NODRAW)))
+    m.entity("light", origin=(128, 96, 96), _light="255 255 255 300")
+    start(m, 192, 96)
+    return m, plain(GREY)
+
+
+def brush_entity():
+    m = Map("Two brush models: a func_brush that casts no shadow by default, and a func_door in its frame.")
+    m.add(room((0, 0, 0), (320, 192, 128), faces(WHITE, zm=GREY), lightmap=8))
+    m.add(slab_with_holes(0, (224, 0, 0), (240, 192, 128), [((64, 0), (128, 96))], GREY, lightmap=8))
+    m.entity("func_brush", box((64, 64, 32), (112, 112, 80), RED, lightmap=8), origin=(88, 88, 56), targetname="block")
+    m.entity("func_door", box((228, 64, 0), (236, 128, 96), GREEN, lightmap=8), origin=(232, 96, 48), targetname="door",
+             movedir="0 90 0", speed="100")
+    m.entity("light", origin=(160, 96, 112), _light="255 245 230 400")
+    m.entity("light", origin=(280, 96, 96), _light="200 220 255 150")
+    start(m, 32, 32)
+    return m, plain(WHITE, GREY, RED, GREEN)
+
+
+def quake_room():
+    m = Map("A Quake room: point lights of the three falloffs, a pillar, a step, a ramp.", message="quake room", wad="")
+    wall, floor, trim = "stone1_3", "floor_tile2", "metal2_1"
+    m.add(room((0, 0, 0), (384, 256, 160), {**faces(wall), "z-": floor}, scale=1))
+    m.add(box((160, 96, 0), (192, 128, 160), trim, scale=1))
+    m.add(box((288, 0, 0), (384, 256, 24), faces(wall, zp=floor), scale=1))
+    m.add(wedge([(240, 0), (288, 24), (288, 0)], 64, 192, floor, scale=1))
+    m.entity("light", origin=(64, 128, 120), light="300")
+    m.entity("light", origin=(336, 64, 120), light="200", _color="1 0.6 0.3")
+    m.entity("light", origin=(336, 192, 120), light="250", delay="2")
+    m.entity("info_player_start", origin=(64, 64, 32), angle="0")
+    return m, {wall: {"reflectance": [0.3, 0.27, 0.22]}, floor: {"reflectance": [0.35, 0.33, 0.3]},
+               trim: {"reflectance": [0.25, 0.25, 0.28]}}
+
+
+VMF = {"furnace": furnace, "cornell": cornell, "two_rooms": two_rooms, "corridor": corridor, "thin_wall": thin_wall,
+       "sun_room": sun_room, "spot_room": spot_room, "detail_room": detail_room, "leak_room": leak_room,
+       "brush_entity": brush_entity}

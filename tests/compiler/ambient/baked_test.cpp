@@ -1,0 +1,144 @@
+// The cubes of worlds baked by the real stages.
+#include "compiler/ambient/air.h"
+#include "compiler/ambient/cube.h"
+#include "compiler/surfaces/surfaces.h"
+#include "tests/support/world_builder.h"
+#include <gtest/gtest.h>
+#include <numbers>
+
+namespace kiln {
+namespace {
+
+struct Baked {
+    World world;
+    Csg csg;
+    Bsp bsp;
+    Surfaces surfaces;
+    std::vector<Light> lights;
+    Lighting lighting;
+    Context context;
+    std::unique_ptr<LightField> field;
+};
+
+std::unique_ptr<Baked> bake(const test::WorldBuilder& builder) {
+    auto b = std::make_unique<Baked>();
+    b->context.threads = 2;
+    b->world = builder.world;
+    const auto take = [](auto result, auto& into) {
+        if (!result) ADD_FAILURE() << result.fault().diagnostic.message;
+        else into = std::move(*result);
+    };
+    take(build_csg(b->world, {}, b->context), b->csg);
+    take(build_bsp(b->world, b->csg, {}, b->context), b->bsp);
+    take(build_surfaces(b->world, b->csg, b->bsp, {}, b->context), b->surfaces);
+    b->lights = read_lights(b->world, b->context);
+    take(bake_light(b->world, b->bsp, b->csg.planes, b->surfaces, b->lights, {}, b->context), b->lighting);
+    b->field = std::make_unique<LightField>(b->world, b->bsp, b->csg.planes, b->surfaces, b->lights, b->lighting);
+    return b;
+}
+
+Ambient ambient_of(Baked& b, const AmbientOptions& options = {}) {
+    auto ambient = place_ambient(b.bsp, b.csg.planes, b.surfaces, b.lights, *b.field, options, b.context);
+    EXPECT_TRUE(ambient);
+    validate(*ambient);
+    return std::move(*ambient);
+}
+
+// Everything emits 1 - rho and reflects rho: radiance 1 everywhere, so every face of every cube is pi.
+TEST(AmbientBaked, Furnace) {
+    test::WorldBuilder w;
+    const MaterialId m = w.material("furnace", 0, {0.5f, 0.5f, 0.5f}, {0.5f, 0.5f, 0.5f});
+    w.room({0, 0, 0}, {320, 256, 128}, 16, m);
+    w.box({96, 96, 0}, {160, 144, 64}, Contents::solid, {0}, m);
+    w.box({200, 40, 0}, {232, 72, 100}, Contents::detail, {0}, m);
+    w.point_entity("info_player_start", {40, 40, 40});
+    const auto baked = bake(w);
+    const Ambient ambient = ambient_of(*baked);
+    ASSERT_FALSE(ambient.cubes.empty());
+    double worst = 0;
+    for (const AmbientCube& cube : ambient.cubes) {
+        EXPECT_EQ(cube.invalid_share, 0);
+        for (const Rgb& e : cube.irradiance)
+            for (std::size_t c = 0; c < 3; ++c) worst = std::max(worst, std::abs(e[c] / std::numbers::pi - 1));
+    }
+    RecordProperty("worst", std::to_string(worst));
+    EXPECT_LT(worst, 0.005);
+}
+
+// A lit and a dark room, sealed from each other: not a photon in the dark one, wherever the lattice lies.
+TEST(AmbientBaked, DarkRoomStaysBlack) {
+    test::WorldBuilder w;
+    w.room({0, 0, 0}, {528, 256, 128});
+    w.box({256, 0, 0}, {264, 256, 128});
+    w.point_entity("info_player_start", {40, 40, 40});
+    w.point_entity("info_player_start", {400, 40, 40});
+    w.point_entity("light", {100, 100, 90}, {{"_light", "255 255 255 300"}});
+    const auto baked = bake(w);
+    for (const double offset : {0.0, 5.0 / 16, 0.6}) {
+        AmbientOptions options;
+        options.lattice_offset = offset;
+        const Ambient ambient = ambient_of(*baked, options);
+        std::size_t lit = 0;
+        for (double x = 1; x < 528; x += 9)
+            for (double y = 1; y < 256; y += 23)
+                for (double z = 1; z < 128; z += 21) {
+                    if (x > 255 && x < 265) continue;
+                    const auto cube = ambient_at(ambient, {x, y, z});
+                    ASSERT_TRUE(cube) << x << ' ' << y << ' ' << z;
+                    double level = 0;
+                    for (const Rgb& e : *cube) level += std::abs(mean(e));
+                    if (x > 260) {
+                        EXPECT_EQ(level, 0) << x << ' ' << y << ' ' << z;
+                        EXPECT_TRUE(ambient_lights_at(ambient, {x, y, z}).empty());
+                    } else {
+                        lit += level > 0;
+                    }
+                }
+        EXPECT_GT(lit, 1000u);
+    }
+}
+
+// Entity lights as the cubes count them are the light stage's own.
+TEST(AmbientBaked, DirectLightIsThatOfTheLightStage) {
+    test::WorldBuilder w;
+    w.room({0, 0, 0}, {400, 300, 200});
+    w.box({180, 100, 0}, {190, 200, 150});
+    w.point_entity("info_player_start", {40, 40, 40});
+    w.point_entity("light", {100, 100, 90}, {{"_light", "255 200 150 300"}});
+    w.point_entity("light", {350, 250, 90}, {{"_light", "100 200 255 200"}, {"_quadratic_attn", "1"}});
+    w.point_entity("light_spot", {200, 50, 190}, {{"_light", "255 255 255 500"}, {"pitch", "-90"}, {"_cone", "60"}, {"_inner_cone", "30"}});
+    for (const MapFormat format : {MapFormat::vmf, MapFormat::quake_standard}) {
+        w.world.format = format;
+        const auto baked = bake(w);
+        const ambient::Air air = ambient::air_of(baked->bsp, baked->csg.planes, baked->surfaces, baked->lights, *baked->field);
+        ASSERT_EQ(air.light_count, baked->lights.size());
+        ASSERT_GE(air.light_count, 3u);
+        for (const Vec3 p : {Vec3{50, 60, 70}, Vec3{300, 150, 20}, Vec3{210, 60, 40}, Vec3{120, 150, 10}}) {
+            ambient::Cube6 mine{}, theirs{};
+            for (std::uint32_t l = 0; l < air.light_count; ++l)
+                if (const auto direct = air.direct(l, p); direct && air.light_clear(l, p))
+                    ambient::add(mine, direct->direction, direct->irradiance);
+            baked->field->arriving_direct(p, {}, 1, [&](Vec3 d, Rgbd weight) { ambient::add(theirs, d, weight); });
+            using namespace ambient; // operators of Cube6
+            const Cube6 difference = mine - theirs;
+            EXPECT_LE(dot(difference, difference), 1e-12 * dot(theirs, theirs) + 1e-20) << p.x << ' ' << int(format);
+        }
+    }
+}
+
+// Nothing stands inside a detail brush, which the tree does not know.
+TEST(AmbientBaked, NoCubeInsideDetail) {
+    test::WorldBuilder w;
+    w.room({0, 0, 0}, {512, 512, 256});
+    w.box({100, 100, 0}, {300, 300, 200}, Contents::detail);
+    w.point_entity("info_player_start", {40, 40, 40});
+    w.point_entity("light", {400, 400, 200}, {{"_light", "255 255 255 300"}});
+    const auto baked = bake(w);
+    const Ambient ambient = ambient_of(*baked);
+    ASSERT_FALSE(ambient.cubes.empty());
+    for (const AmbientCube& c : ambient.cubes)
+        EXPECT_FALSE(c.position.x > 100 && c.position.x < 300 && c.position.y > 100 && c.position.y < 300 && c.position.z < 200);
+}
+
+} // namespace
+} // namespace kiln

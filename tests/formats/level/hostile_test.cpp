@@ -1,0 +1,263 @@
+// Files that are cut, damaged or made to harm: an error, never a crash. Run under ASan and UBSan as well.
+#include "formats/level/kiln_level.hpp"
+#include "formats/level/tables.h"
+#include "tests/formats/level/sample_level.h"
+#include <cstring>
+#include <gtest/gtest.h>
+#include <xxhash.h>
+#include <zstd.h>
+
+namespace kiln::level {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// Calls everything there is, so that any unchecked index would be used.
+int use_everything(const Bytes& bytes) {
+    // An exact heap copy: reading one byte past the end is seen by the sanitizer.
+    const std::unique_ptr<std::uint8_t[]> copy(new std::uint8_t[std::max<std::size_t>(1, bytes.size())]);
+    std::copy(bytes.begin(), bytes.end(), copy.get());
+    kiln_level* level = nullptr;
+    if (kiln_level_open_memory(copy.get(), bytes.size(), &level) != KILN_OK) {
+        EXPECT_EQ(level, nullptr);
+        return 0;
+    }
+    const int faults = kiln_level_check(level, nullptr) == KILN_OK ? 0 : 1;
+    kiln_info info{};
+    kiln_level_info(level, &info);
+    const double points[3][3] = {{0, 0, 0}, {100, -100, 50}, {NAN, INFINITY, -1e300}};
+    for (const auto& p : points) {
+        kiln_level_find_leaf(level, p);
+        float rgb[3], cube[6][3];
+        const float n[3] = {0.6f, 0, 0.8f}, bad[3] = {NAN, INFINITY, 0};
+        for (std::uint32_t f = 0; f < std::min(info.faces, 40u); ++f) {
+            double uv[2];
+            kiln_level_eval_flat(level, f, p, rgb), kiln_level_eval_rnm(level, f, p, n, rgb);
+            kiln_level_eval_rnm_local(level, f, p, bad, rgb), kiln_level_shading_normal(level, f, p, rgb);
+            kiln_level_texture_uv(level, f, p, uv);
+        }
+        kiln_level_ambient(level, p, cube), kiln_level_ambient_eval(level, p, n, rgb);
+        kiln_light_weight weights[4];
+        std::size_t count = 0;
+        kiln_level_ambient_lights(level, p, weights, 4, &count);
+        const std::uint32_t probe = kiln_level_nearest_cubemap(level, p);
+        kiln_level_sample_cubemap(level, probe, n, 0.4f, rgb), kiln_level_sample_cubemap(level, probe, bad, NAN, rgb);
+        kiln_level_parallax_direction(level, probe, p, n, rgb);
+    }
+    for (std::int32_t c = 0; c < static_cast<std::int32_t>(std::min(info.clusters, 80u)); ++c) {
+        kiln_level_cluster_visible(level, c, 1);
+        std::vector<std::uint64_t> row(std::min<std::size_t>(1000, (info.clusters + std::size_t{63}) / 64));
+        kiln_level_read_pvs_row(level, c, row.data(), row.size());
+    }
+    for (std::uint32_t e = 0; e < std::min(info.entities, 40u); ++e) kiln_level_entity_value(level, e, "key1");
+    kiln_level_close(level);
+    return faults;
+}
+
+Bytes small_level(std::uint8_t encoding = 0) { return write_level(test::mixture(3, 6, encoding)); }
+
+// A file whose checksums are right, whatever was done to it: what someone with intent would send.
+class Forge {
+public:
+    explicit Forge(const Bytes& good) {
+        std::uint32_t count = 0;
+        std::memcpy(&count, good.data() + 8, 4);
+        for (std::uint32_t i = 0; i < count; ++i) {
+            Lump l;
+            std::memcpy(l.entry.data(), good.data() + kHeaderSize + i * kEntrySize, kEntrySize);
+            std::uint64_t offset = 0, stored = 0, raw = 0;
+            std::memcpy(&offset, l.entry.data() + 16, 8), std::memcpy(&stored, l.entry.data() + 24, 8), std::memcpy(&raw, l.entry.data() + 32, 8);
+            std::uint16_t codec = 0;
+            std::memcpy(&codec, l.entry.data() + 10, 2);
+            const auto* from = good.data() + offset;
+            if (codec == KILN_CODEC_ZSTD) {
+                l.bytes.resize(raw);
+                EXPECT_EQ(ZSTD_decompress(l.bytes.data(), raw, from, stored), raw);
+            } else {
+                l.bytes.assign(from, from + stored);
+            }
+            lumps.push_back(l);
+        }
+    }
+    struct Lump {
+        std::array<std::uint8_t, kEntrySize> entry{};
+        Bytes bytes; // raw; written without compression
+        std::string name() const { return std::string(reinterpret_cast<const char*>(entry.data()), 4); }
+    };
+    std::vector<Lump> lumps;
+    Lump& operator[](const std::string& name) {
+        for (Lump& l : lumps)
+            if (l.name() == name) return l;
+        throw std::out_of_range(name);
+    }
+    Bytes bytes() const {
+        Bytes directory, body;
+        std::uint64_t at = kHeaderSize + lumps.size() * kEntrySize;
+        for (const Lump& l : lumps) {
+            auto e = l.entry;
+            const std::uint16_t none = 0;
+            const std::uint64_t size = l.bytes.size(), hash = XXH3_64bits(l.bytes.data(), l.bytes.size());
+            std::memcpy(e.data() + 10, &none, 2);
+            std::memcpy(e.data() + 16, &at, 8), std::memcpy(e.data() + 24, &size, 8);
+            std::memcpy(e.data() + 32, &size, 8), std::memcpy(e.data() + 40, &hash, 8);
+            directory.insert(directory.end(), e.begin(), e.end());
+            body.insert(body.end(), l.bytes.begin(), l.bytes.end());
+            at += size;
+        }
+        Put header;
+        header.value(kMagic), header.value(std::uint32_t{1}), header.value(static_cast<std::uint32_t>(lumps.size()));
+        header.value(std::uint32_t{0}), header.value(at);
+        Bytes hashed = header.bytes;
+        hashed.insert(hashed.end(), directory.begin(), directory.end());
+        header.value(std::uint64_t{XXH3_64bits(hashed.data(), hashed.size())});
+        Bytes file = header.bytes;
+        file.insert(file.end(), directory.begin(), directory.end());
+        file.insert(file.end(), body.begin(), body.end());
+        return file;
+    }
+};
+
+} // namespace
+
+TEST(LevelHostile, EveryTruncationIsRefused) {
+    const Bytes good = small_level();
+    for (std::size_t size = 0; size < good.size(); size += 97) {
+        kiln_level* level = nullptr;
+        const kiln_status status = kiln_level_open_memory(good.data(), size, &level);
+        ASSERT_NE(status, KILN_OK) << size;
+        ASSERT_EQ(level, nullptr);
+        use_everything(Bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)));
+    }
+}
+
+// A flip is found by a checksum, or hit the zeros between two lumps.
+TEST(LevelHostile, EveryBitFlipIsFoundOrHarmless) {
+    const Bytes good = small_level(1);
+    std::vector<char> covered(good.size(), 0);
+    const Level level(good);
+    const std::size_t count = kiln_level_lump_count(level.get());
+    std::fill_n(covered.begin(), kHeaderSize + count * kEntrySize, 1);
+    for (std::size_t i = 0; i < count; ++i) {
+        kiln_lump lump{};
+        kiln_level_lump(level.get(), i, &lump);
+        std::fill_n(covered.begin() + static_cast<std::ptrdiff_t>(lump.offset), lump.stored_size, 1);
+    }
+    std::mt19937_64 random(1);
+    for (int i = 0; i < 2000; ++i) {
+        Bytes bad = good;
+        const std::size_t at = random() % bad.size();
+        bad[at] ^= static_cast<std::uint8_t>(1u << random() % 8);
+        kiln_level* damaged = nullptr;
+        const kiln_status status = kiln_level_open_memory(bad.data(), bad.size(), &damaged);
+        const bool found = status != KILN_OK || kiln_level_check(damaged, nullptr) != KILN_OK;
+        kiln_level_close(damaged);
+        ASSERT_EQ(found, covered[at] != 0) << at;
+        if (i % 10 == 0) use_everything(bad);
+    }
+}
+
+TEST(LevelHostile, AForgedCopyOfAGoodFileIsGood) {
+    const Bytes forged = Forge(small_level()).bytes();
+    EXPECT_EQ(use_everything(forged), 0);
+}
+
+// Damage inside the lumps with checksums made right again: the checks of the tables must hold alone.
+TEST(LevelHostile, ForgedLumpsNeverCrash) {
+    int faults = 0, rounds = 0;
+    for (const std::uint8_t encoding : {std::uint8_t{0}, std::uint8_t{1}, std::uint8_t{2}}) {
+        const Forge good(small_level(encoding));
+        std::mt19937_64 random(encoding + 1u);
+        for (int i = 0; i < 1000; ++i) {
+            Forge bad = good;
+            Forge::Lump& l = bad.lumps[random() % bad.lumps.size()];
+            if (l.bytes.empty()) continue;
+            for (int k = 0; k < 1 + i % 3; ++k) {
+                const std::size_t at = i % 2 ? random() % l.bytes.size() : random() % std::min<std::size_t>(l.bytes.size(), 40);
+                switch (random() % 3) {
+                case 0: l.bytes[at] ^= static_cast<std::uint8_t>(1u << random() % 8); break;
+                case 1: l.bytes[at] = random() % 2 ? 0xff : 0x80; break;
+                default: l.bytes.resize(at + random() % 3); break;
+                }
+                if (l.bytes.empty()) break;
+            }
+            faults += use_everything(bad.bytes()), ++rounds;
+        }
+    }
+    EXPECT_GT(faults, rounds / 4);
+}
+
+TEST(LevelHostile, CountsThatClaimTooMuchAreRefusedBeforeAllocation) {
+    for (std::size_t field = 0; field < 23; ++field) {
+        Forge bad(small_level());
+        Bytes& head = bad["HEAD"].bytes;
+        const std::uint32_t huge = 0xfffffff0u;
+        std::memcpy(head.data() + 4 * field, &huge, 4);
+        use_everything(bad.bytes());
+    }
+}
+
+TEST(LevelHostile, ACompressionBombIsRefused) {
+    Bytes zeros(std::size_t{64} << 20);
+    Bytes packed(ZSTD_compressBound(zeros.size()));
+    packed.resize(ZSTD_compress(packed.data(), packed.size(), zeros.data(), zeros.size(), 3));
+    // The directory may claim what it likes: the frame says 64 MiB, the lump's table knows its own size.
+    Forge bad(small_level());
+    bad["NODE"].bytes = packed;
+    Bytes file = bad.bytes();
+    for (std::size_t i = 0; i < bad.lumps.size(); ++i) {
+        if (bad.lumps[i].name() != "NODE") continue;
+        const std::uint16_t zstd = KILN_CODEC_ZSTD;
+        const std::uint64_t raw = std::uint64_t{1} << 40;
+        std::memcpy(file.data() + kHeaderSize + i * kEntrySize + 10, &zstd, 2);
+        std::memcpy(file.data() + kHeaderSize + i * kEntrySize + 32, &raw, 8);
+    }
+    Bytes hashed(file.begin(), file.begin() + 24);
+    hashed.insert(hashed.end(), file.begin() + kHeaderSize, file.begin() + static_cast<std::ptrdiff_t>(kHeaderSize + bad.lumps.size() * kEntrySize));
+    const std::uint64_t hash = XXH3_64bits(hashed.data(), hashed.size());
+    std::memcpy(file.data() + 24, &hash, 8);
+    const Level level(file);
+    EXPECT_EQ(kiln_level_nodes(level.get(), nullptr), nullptr);
+    for (std::size_t i = 0; i < bad.lumps.size(); ++i)
+        EXPECT_EQ(kiln_level_load(level.get(), i, nullptr), bad.lumps[i].name() == "NODE" ? KILN_TOO_LARGE : KILN_OK);
+    EXPECT_FALSE(level.leaves().empty()); // the others stay usable
+}
+
+TEST(LevelHostile, UnknownLumpsAreSkippedAndUnknownVersionsSaidSo) {
+    Forge file(small_level());
+    Forge::Lump extra = file["META"];
+    std::memcpy(extra.entry.data(), "ZZZZ", 4);
+    file.lumps.insert(file.lumps.begin(), extra);
+    const std::uint16_t version = 2;
+    std::memcpy(file["LITE"].entry.data() + 8, &version, 2);
+    const Bytes bytes = file.bytes();
+    const Level level(bytes);
+    EXPECT_EQ(kiln_level_load(level.get(), 0, nullptr), KILN_OK);
+    EXPECT_TRUE(level.lights().empty());
+    EXPECT_EQ(kiln_level_check(level.get(), nullptr), KILN_UNSUPPORTED);
+    EXPECT_FALSE(level.faces().empty());
+}
+
+TEST(LevelHostile, LoopsInTreesEnd) {
+    LevelContent c = test::constant_room({1, 1, 1});
+    c.nodes[3].child = {1, 1}, c.nodes[1].child = {3, 3};
+    std::array<std::array<Float3, 6>, 8> corners{};
+    test::add_air(c, corners);
+    c.cubes.tree = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+    const auto bytes = write_level(c);
+    const Level level(bytes);
+    EXPECT_EQ(kiln_level_find_leaf(level.get(), std::array{0.0, 0.0, 0.0}.data()), KILN_NO_INDEX);
+    float cube[6][3];
+    EXPECT_EQ(kiln_level_ambient(level.get(), std::array{0.0, 0.0, 0.0}.data(), cube), KILN_NONE);
+}
+
+TEST(LevelHostile, NotALevel) {
+    kiln_level* level = nullptr;
+    EXPECT_EQ(kiln_level_open_memory("VBSP................................", 36, &level), KILN_NOT_A_LEVEL);
+    EXPECT_EQ(kiln_level_open_memory("", 0, &level), KILN_NOT_A_LEVEL);
+    EXPECT_EQ(kiln_level_open_memory(nullptr, 0, &level), KILN_BAD_ARGUMENT);
+    Bytes newer = small_level();
+    newer[4] = 2;
+    EXPECT_EQ(kiln_level_open_memory(newer.data(), newer.size(), &level), KILN_UNSUPPORTED);
+}
+
+} // namespace kiln::level

@@ -1,0 +1,96 @@
+#include "libs/core/archive.h"
+#include "libs/core/check.h"
+#include "libs/core/file.h"
+#include "libs/core/hash.h"
+#include "libs/core/index.h"
+#include "libs/parallel/parallel.h"
+#include <filesystem>
+#include <gtest/gtest.h>
+
+using namespace kiln;
+
+namespace {
+struct Inner {
+    std::string name;
+    std::vector<double> values;
+    template <class A> void fields(A& a) { a(name, values); }
+    friend bool operator==(const Inner&, const Inner&) = default;
+};
+struct Outer {
+    std::uint8_t small = 0;
+    bool flag = false;
+    std::optional<Inner> maybe;
+    std::vector<Inner> many;
+    std::array<Index<struct T>, 2> ids;
+    std::vector<bool> bits;
+    template <class A> void fields(A& a) { a(small, flag, maybe, many, ids, bits); }
+    friend bool operator==(const Outer&, const Outer&) = default;
+};
+const Outer kSample{7, true, Inner{"a", {1, 2}}, {{"b", {}}, {"c", {-0.0, 3}}}, {id<Index<struct T>>(4)}, {true, false, true}};
+} // namespace
+
+TEST(Archive, DecodesWhatItEncoded) { EXPECT_EQ(from_bytes<Outer>(to_bytes(kSample)), kSample); }
+
+TEST(Archive, EveryTruncationIsAnError) {
+    const Bytes bytes = to_bytes(kSample);
+    for (std::size_t n = 0; n < bytes.size(); ++n)
+        EXPECT_THROW(from_bytes<Outer>(std::span(bytes).first(n)), ArchiveError) << n;
+    Bytes longer = bytes;
+    longer.push_back(0);
+    EXPECT_THROW(from_bytes<Outer>(longer), ArchiveError);
+}
+
+TEST(Archive, AHostileLengthAllocatesNothing) {
+    const Bytes bytes = to_bytes(std::uint64_t{1} << 60);
+    EXPECT_THROW(from_bytes<std::vector<double>>(bytes), ArchiveError);
+    EXPECT_THROW(from_bytes<std::string>(bytes), ArchiveError);
+}
+
+TEST(Diagnostic, StartsWithFileAndLineSoThatEditorsCanJump) {
+    const Diagnostic d{Severity::error, "plane-collinear", {"maps/x.map", 214, 0, 37, 4}, "the plane points are collinear"};
+    EXPECT_EQ(to_text(d), "maps/x.map:214: error: entity 0, brush 37, side 4: the plane points are collinear [plane-collinear]");
+}
+
+TEST(Parallel, EachItemRunsOnceOnAnyNumberOfThreads) {
+    for (const int threads : {1, 2, 7}) {
+        Context context;
+        context.threads = threads;
+        std::vector<int> hits(1000);
+        parallel_for(context, hits.size(), [&](std::size_t i) { ++hits[i]; });
+        EXPECT_EQ(hits, std::vector<int>(1000, 1));
+    }
+}
+
+TEST(Parallel, CancellingAndThrowingEndTheLoop) {
+    std::atomic<bool> stop{true};
+    for (const int threads : {1, 3}) {
+        Context context;
+        context.threads = threads;
+        EXPECT_THROW(parallel_for(context, 100, [](std::size_t i) { if (i == 50) throw std::runtime_error("x"); }),
+                     std::runtime_error);
+        context.stop = &stop;
+        EXPECT_THROW(parallel_for(context, 100, [](std::size_t) {}), Cancelled);
+    }
+}
+
+TEST(File, AFailedWriteLeavesNothingBehind) {
+    const std::string folder = (std::filesystem::temp_directory_path() / "kiln_file_test").string();
+    std::filesystem::remove_all(folder);
+    std::filesystem::create_directories(folder);
+    EXPECT_FALSE(write_file(folder + "/none/x", "text"));
+    EXPECT_FALSE(write_file(folder, "a folder cannot be replaced"));
+    const auto full = write_file("/dev/full", "text");
+    ASSERT_FALSE(full);
+    EXPECT_EQ(full.fault().exit, Exit::io);
+    EXPECT_TRUE(write_file(folder + "/x", "text"));
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1);
+    EXPECT_FALSE(std::filesystem::exists(folder + ".tmp"));
+    std::filesystem::remove_all(folder);
+}
+
+TEST(Check, NamesBothValues) {
+    try {
+        KILN_CHECK_OP(1 + 1, ==, 3);
+        FAIL();
+    } catch (const InternalError& e) { EXPECT_NE(std::string(e.what()).find("2 against 3"), std::string::npos); }
+}

@@ -1,0 +1,127 @@
+#include "libs/sampling/maps.h"
+#include "libs/sampling/sobol.h"
+#include <gtest/gtest.h>
+#include <vector>
+
+using namespace kiln;
+
+// A (0,m,2)-net has one point in each of the 2^m boxes of every shape 2^-a x 2^-(m-a).
+TEST(Sobol, EveryAlignedPowerOfTwoBlockIsANet) {
+    for (const std::uint64_t seed : {0ull, 1ull, 77ull, 0xFFFFFFFFFFFFull}) {
+        const Sobol points(seed);
+        for (const std::uint32_t m : {2u, 4u, 7u, 10u})
+            for (const std::uint32_t block : {0u, 3u})
+                for (std::uint32_t a = 0; a <= m; ++a) {
+                    std::vector<int> count(1u << m);
+                    for (std::uint32_t i = 0; i < 1u << m; ++i) {
+                        const Vec2 p = points.pair((block << m) + i, 0);
+                        ASSERT_TRUE(p.x >= 0 && p.x < 1 && p.y >= 0 && p.y < 1);
+                        const auto x = static_cast<std::uint32_t>(p.x * (1u << a));
+                        const auto y = static_cast<std::uint32_t>(p.y * (1u << (m - a)));
+                        ++count[(x << (m - a)) + y];
+                    }
+                    for (const int c : count) ASSERT_EQ(c, 1) << "seed " << seed << " m " << m << " a " << a;
+                }
+    }
+}
+
+TEST(Sobol, EveryDimensionIsStratified) {
+    const Sobol points(5);
+    for (int d = 0; d < kSobolDimensions; ++d) {
+        std::vector<int> count(4096);
+        for (std::uint32_t i = 0; i < 4096; ++i) ++count[static_cast<std::size_t>(points(i, d) * 4096)];
+        for (const int c : count) ASSERT_EQ(c, 1) << d;
+    }
+}
+
+// Scrambling makes each single point uniform: over many seeds, the mean and variance of point 0 and of the product
+// of point 3's coordinates are those of independent uniform numbers.
+TEST(Sobol, OverSeedsEachPointIsUniform) {
+    constexpr int n = 40000;
+    double sum = 0, square = 0, product = 0, neighbours = 0;
+    for (int s = 0; s < n; ++s) {
+        const Sobol points(mix(static_cast<std::uint64_t>(s), 99));
+        const double x = points(0, 0);
+        sum += x, square += x * x;
+        product += points(3, 0) * points(3, 1);
+        neighbours += (points(0, 0) - 0.5) * (points(2, 0) - 0.5);
+    }
+    EXPECT_NEAR(sum / n, 0.5, 5 * std::sqrt(1 / 12.0 / n));
+    EXPECT_NEAR(square / n, 1 / 3.0, 5 * std::sqrt(4 / 45.0 / n));
+    EXPECT_NEAR(product / n, 0.25, 5 * std::sqrt((1 / 9.0 - 1 / 16.0) / n));
+    // Points 0 and 2 of the first dimension fall in the same half: their covariance is +1/24 - ... = 1/48 or less.
+    EXPECT_LT(std::abs(neighbours / n), 1 / 12.0);
+}
+
+// The integral of a smooth function converges faster than n^-1/2; at 1024 points it is 3x better than random at least.
+TEST(Sobol, BeatsRandomNumbersOnASmoothIntegrand) {
+    const auto f = [](Vec2 p) { return std::exp(p.x) * p.y * p.y; };
+    const double exact = (std::exp(1.0) - 1) / 3;
+    double qmc = 0, mc = 0;
+    for (std::uint64_t s = 0; s < 64; ++s) {
+        const Sobol points(mix(s, 7));
+        Random random(s);
+        double a = 0, b = 0;
+        for (std::uint32_t i = 0; i < 1024; ++i) {
+            a += f(points.pair(i, 0));
+            const double x = random(), y = random();
+            b += f({x, y});
+        }
+        qmc += (a / 1024 - exact) * (a / 1024 - exact), mc += (b / 1024 - exact) * (b / 1024 - exact);
+    }
+    EXPECT_LT(std::sqrt(qmc), std::sqrt(mc) / 20);
+}
+
+TEST(Maps, SineAndCosine) {
+    for (int i = -1000; i <= 1000; ++i) {
+        const double t = i / 371.0;
+        EXPECT_NEAR(sincos_turns(t).sin, std::sin(2 * std::numbers::pi * t), 4e-15);
+        EXPECT_NEAR(sincos_turns(t).cos, std::cos(2 * std::numbers::pi * t), 4e-15);
+    }
+}
+
+TEST(Maps, MomentsOfTheHemisphereAndSphere) {
+    constexpr std::uint32_t n = 1u << 14;
+    const Sobol points(3);
+    Vec3 mean_h, mean_s;
+    double cos2 = 0, xx = 0, zz = 0, cap = 0;
+    for (std::uint32_t i = 0; i < n; ++i) {
+        const Vec3 h = cosine_hemisphere(points.pair(i, 0)), s = uniform_sphere(points.pair(i, 0));
+        ASSERT_NEAR(length(h), 1, 1e-12);
+        ASSERT_NEAR(length(s), 1, 1e-12);
+        ASSERT_GE(h.z, 0);
+        mean_h += h, mean_s += s;
+        cos2 += h.z * h.z, xx += h.x * h.x, zz += s.z * s.z;
+        cap += uniform_cap(points.pair(i, 0), 0.9).z;
+    }
+    EXPECT_NEAR(mean_h.z / n, 2.0 / 3, 1e-4); // integral of cos^2 / pi
+    EXPECT_NEAR(mean_h.x / n, 0, 1e-3);
+    EXPECT_NEAR(cos2 / n, 0.5, 1e-4);
+    EXPECT_NEAR(xx / n, 0.25, 1e-4);
+    EXPECT_NEAR(length(mean_s) / n, 0, 1e-3);
+    EXPECT_NEAR(zz / n, 1.0 / 3, 1e-4);
+    EXPECT_NEAR(cap / n, 0.95, 1e-5);
+}
+
+TEST(Maps, TriangleIsUniform) {
+    const Sobol points(11);
+    double b = 0, c = 0, bb = 0;
+    constexpr std::uint32_t n = 1u << 14;
+    for (std::uint32_t i = 0; i < n; ++i) {
+        const Vec2 w = uniform_triangle(points.pair(i, 0));
+        ASSERT_TRUE(w.x >= 0 && w.y >= 0 && w.x + w.y <= 1 + 1e-12);
+        b += w.x, c += w.y, bb += w.x * w.x;
+    }
+    EXPECT_NEAR(b / n, 1.0 / 3, 1e-4);
+    EXPECT_NEAR(c / n, 1.0 / 3, 1e-4);
+    EXPECT_NEAR(bb / n, 1.0 / 6, 1e-4);
+}
+
+TEST(Maps, HammersleyCoversTheSquare) {
+    std::vector<int> count(256);
+    for (std::uint32_t i = 0; i < 256; ++i) {
+        const Vec2 p = hammersley(i, 256);
+        ++count[static_cast<std::size_t>(p.x * 16) * 16 + static_cast<std::size_t>(p.y * 16)];
+    }
+    for (const int c : count) EXPECT_EQ(c, 1);
+}

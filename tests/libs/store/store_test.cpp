@@ -1,0 +1,71 @@
+#include "libs/core/file.h"
+#include "libs/store/store.h"
+#include <filesystem>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+using namespace kiln;
+
+namespace {
+
+struct Folder { // a fresh folder that goes away with the test
+    std::string path = (std::filesystem::temp_directory_path() / ("kiln_store_" + std::to_string(::getpid()) + "_" +
+                        ::testing::UnitTest::GetInstance()->current_test_info()->name())).string();
+    Folder() { std::filesystem::remove_all(path); }
+    ~Folder() { std::filesystem::remove_all(path); }
+};
+const Bytes kValue = [] {
+    Bytes b(10000);
+    for (std::size_t i = 0; i < b.size(); ++i) b[i] = static_cast<std::uint8_t>(mix(i) & 15);
+    return b;
+}();
+
+} // namespace
+
+TEST(Store, GivesBackWhatWasSaved) {
+    const Folder folder;
+    const ContentStore store(folder.path);
+    const Hash key{1, 2};
+    EXPECT_FALSE(store.load(key).has_value());
+    ASSERT_TRUE(store.save(key, kValue));
+    EXPECT_EQ(store.load(key), kValue);
+    ASSERT_TRUE(store.save(key, Bytes{}));
+    EXPECT_EQ(store.load(key), Bytes{});
+}
+
+// A store may lose entries; it may never answer with anything but what was saved.
+TEST(Store, EveryDamagedEntryIsAMiss) {
+    const Folder folder;
+    const ContentStore store(folder.path);
+    const Hash key{3, 4};
+    ASSERT_TRUE(store.save(key, kValue));
+    const Bytes good = *read_file(store.path(key));
+    for (std::size_t cut = 0; cut < good.size(); cut += 61) {
+        ASSERT_TRUE(write_file(store.path(key), std::span(good).first(cut)));
+        bool damaged = false;
+        EXPECT_FALSE(store.load(key, &damaged).has_value()) << "cut at " << cut;
+        EXPECT_TRUE(damaged);
+    }
+    for (std::size_t at = 0; at < good.size(); at += 13) {
+        Bytes bad = good;
+        bad[at] ^= 0x10;
+        ASSERT_TRUE(write_file(store.path(key), bad));
+        const auto read = store.load(key);
+        EXPECT_TRUE(!read || *read == kValue) << "flipped at " << at;
+    }
+}
+
+TEST(Store, AnEntryUnderAnotherKeyIsAMiss) {
+    const Folder folder;
+    const ContentStore store(folder.path);
+    ASSERT_TRUE(store.save({5, 6}, kValue));
+    std::filesystem::create_directories(std::filesystem::path(store.path({7, 8})).parent_path());
+    std::filesystem::copy_file(store.path({5, 6}), store.path({7, 8}));
+    EXPECT_FALSE(store.load({7, 8}).has_value());
+}
+
+TEST(Store, UnwritableFolderFailsWithoutThrowing) {
+    const ContentStore store("/proc/none");
+    EXPECT_FALSE(store.save({1, 1}, kValue));
+    EXPECT_FALSE(store.load({1, 1}).has_value());
+}

@@ -1,0 +1,95 @@
+// Laws of the whole way: the cache and the thread count change nothing, edits redo what depends on them and no more.
+#include "tests/support/program.h"
+#include "compiler/compile.h"
+#include <set>
+
+using namespace kiln;
+using namespace kiln::test;
+
+namespace {
+
+struct Build {
+    Bytes level;
+    std::set<std::string> made; // stages that ran
+    std::vector<Diagnostic> diagnostics;
+};
+Build bake(const std::string& text, const ContentStore& store, int threads = 2) {
+    CompileInput input;
+    input.map = {"test.map", Bytes(text.begin(), text.end())};
+    CompileOptions options;
+    options.light.error_percent = 20;
+    options.ambient.error_percent = 40;
+    Context context;
+    context.threads = threads;
+    Compiled out;
+    CompileRun run;
+    run.store = &store;
+    const auto done = compile(input, options, run, context, out);
+    EXPECT_TRUE(done) << (done ? "" : to_text(done.fault().diagnostic));
+    Build b{out.level, {}, context.diagnostics()};
+    for (const StageReport& s : out.stages)
+        if (!s.cached) b.made.insert(s.name);
+    return b;
+}
+const std::set<std::string> kNeverKept = {"read", "world", "pack"};
+
+std::string two_rooms(const std::string& more = "") {
+    return world(room(128, 96, 80) + box(60, 0, 0, 68, 40, 80) + box(60, 56, 0, 68, 96, 80) + box(60, 40, 48, 68, 56, 80)) +
+           entity("light", 30, 48, 60, "\"light\" \"300\"\n") + entity("info_player_start", 100, 48, 24) + more;
+}
+
+} // namespace
+
+TEST(Bake, ThreadsAndCacheChangeNoByte) {
+    const Workplace w;
+    const ContentStore none(""), store(w.path("cache"));
+    const Build one = bake(two_rooms(), none, 1);
+    ASSERT_FALSE(one.level.empty());
+    for (const int threads : {2, 7}) EXPECT_EQ(bake(two_rooms(), none, threads).level, one.level) << threads;
+    const Build cold = bake(two_rooms(), store), warm = bake(two_rooms(), store);
+    EXPECT_EQ(cold.level, one.level);
+    EXPECT_EQ(warm.level, one.level);
+    EXPECT_EQ(warm.made, kNeverKept);
+    ASSERT_EQ(warm.diagnostics.size(), cold.diagnostics.size()); // a warm build warns of what the cold one did
+    for (std::size_t i = 0; i < cold.diagnostics.size(); ++i) EXPECT_EQ(to_text(warm.diagnostics[i]), to_text(cold.diagnostics[i]));
+}
+
+TEST(Bake, AnEntityThatLightsNothingRedoesNoGeometryVisOrLight) {
+    const Workplace w;
+    const ContentStore store(w.path("cache"));
+    bake(two_rooms(), store);
+    const std::string edited = two_rooms("{\n\"classname\" \"trigger_relay\"\n\"targetname\" \"x\"\n}\n");
+    const Build b = bake(edited, store);
+    EXPECT_EQ(b.made, kNeverKept);
+    EXPECT_EQ(b.level, bake(edited, ContentStore("")).level);
+}
+
+TEST(Bake, ALightEditRedoesLightAndWhatFollows) {
+    const Workplace w;
+    const ContentStore store(w.path("cache"));
+    const Build first = bake(two_rooms(), store);
+    std::string edited = two_rooms();
+    edited.replace(edited.find("\"300\""), 5, "\"250\"");
+    const Build b = bake(edited, store);
+    for (const char* stage : {"csg", "bsp", "visibility", "surfaces"}) EXPECT_FALSE(b.made.contains(stage)) << stage;
+    EXPECT_TRUE(b.made.contains("light"));
+    EXPECT_NE(b.level, first.level);
+    EXPECT_EQ(b.level, bake(edited, ContentStore("")).level);
+    EXPECT_EQ(bake(two_rooms(), store).level, first.level); // undo
+}
+
+TEST(Bake, APoisonedCacheIsNoticed) {
+    const Workplace w;
+    const ContentStore store(w.path("cache"));
+    const Build first = bake(two_rooms(), store);
+    std::size_t n = 0;
+    for (const auto& e : std::filesystem::recursive_directory_iterator(w.path("cache")))
+        if (e.is_regular_file()) {
+            std::fstream f(e.path(), std::ios::in | std::ios::out | std::ios::binary);
+            f.seekp(static_cast<std::streamoff>(e.file_size() * 3 / 4));
+            f.put('\x5a');
+            if (++n % 2) std::filesystem::resize_file(e.path(), e.file_size() / 2);
+        }
+    EXPECT_GE(n, 7u);
+    EXPECT_EQ(bake(two_rooms(), store).level, first.level);
+}

@@ -1,0 +1,201 @@
+// Bad input as users meet it: a located message, the documented exit code, nothing half-written, no crash.
+#include "tests/support/program.h"
+
+using namespace kiln::test;
+
+namespace {
+
+testing::AssertionResult says(const Outcome& o, const std::string& what) {
+    if (o.said.find(what) != std::string::npos) return testing::AssertionSuccess();
+    return testing::AssertionFailure() << "\"" << what << "\" is not in:\n" << o.said;
+}
+Outcome build(const Workplace& w, const std::string& map, std::vector<std::string> more = {}, Limits limits = {}) {
+    std::vector<std::string> words = {"build", map, "-o", w.path("out.kiln"), "--draft", "--threads", "2"};
+    words.insert(words.end(), more.begin(), more.end());
+    return w.run(words, limits);
+}
+
+} // namespace
+
+TEST(Cli, ALitRoomBakes) {
+    const Workplace w;
+    const Outcome o = build(w, w.write("room.map", lit_room()), {"--report", w.path("report.json")});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(w.has("out.kiln"));
+    EXPECT_TRUE(w.has("report.json"));
+    const Outcome info = w.run({"info", w.path("out.kiln"), "--json", "--check"});
+    EXPECT_EQ(info.code, 0) << info.said;
+    EXPECT_NE(info.out.find("\"clusters\": 1"), std::string::npos) << info.out;
+}
+
+TEST(Cli, UnreadableMapsAreInputErrors) {
+    const Workplace w;
+    std::string garbage(4000, '\0');
+    for (std::size_t i = 0; i < garbage.size(); ++i) garbage[i] = static_cast<char>(i * 2654435761u >> 13);
+    const std::string whole = lit_room();
+    for (const auto& [name, text] : std::vector<std::pair<std::string, std::string>>{
+             {"empty.map", ""}, {"empty.vmf", ""}, {"garbage.map", garbage}, {"garbage.vmf", garbage},
+             {"truncated.map", whole.substr(0, whole.size() / 2)}, {"truncated.vmf", "world\n{\n\t\"id\" \"1\"\n\tsolid\n\t{\n"}}) {
+        const Outcome o = build(w, w.write(name, text));
+        EXPECT_EQ(o.code, 3) << name << ": " << o.said;
+        EXPECT_TRUE(says(o, name)) << name;
+        EXPECT_FALSE(w.has("out.kiln")) << name;
+    }
+    EXPECT_EQ(build(w, w.path("missing.map")).code, 3);
+}
+
+TEST(Cli, EveryTruncationOfAMapEndsInADocumentedWay) {
+    const Workplace w;
+    const std::string whole = lit_room();
+    for (std::size_t n = 1; n < whole.size(); n += 61) {
+        const Outcome o = w.run({"build", w.write("cut.map", whole.substr(0, n)), "-o", w.path("out.kiln"), "--stop-after", "csg", "-q"});
+        EXPECT_TRUE(o.code == 0 || o.code == 3 || o.code == 4) << n << ": " << o.code << "\n" << o.said;
+    }
+}
+
+TEST(Cli, FaultyBrushesAreNamedAndTheRestIsBuilt) {
+    const Workplace w;
+    const std::string good = room(128, 96, 80);
+    // Three planes only: unbounded. Two coincident opposite planes: no thickness. Points in one line: no plane.
+    const std::string unbounded = "{\n( 0 0 0 ) ( 0 1 0 ) ( 0 0 1 ) w 0 0 0 1 1\n( 0 0 0 ) ( 0 0 1 ) ( 1 0 0 ) w 0 0 0 1 1\n( 0 0 0 ) ( 1 0 0 ) ( 0 1 0 ) w 0 0 0 1 1\n}\n";
+    std::string collinear = box(40, 40, 0, 60, 60, 20);
+    collinear.replace(collinear.find("( "), collinear.find(" wall") - collinear.find("( "), "( 0 0 0 ) ( 1 0 0 ) ( 2 0 0 )");
+    for (const auto& [name, brush, code] : std::vector<std::tuple<std::string, std::string, std::string>>{
+             {"unbounded.map", unbounded, "brush-unbounded"}, {"flat.map", box(40, 40, 20, 60, 60, 20), "brush-empty"}, {"collinear.map", collinear, "plane-collinear"}}) {
+        const std::string text = world(good + brush) + entity("info_player_start", 32, 32, 24) + entity("light", 96, 64, 60);
+        const Outcome o = build(w, w.write(name, text));
+        EXPECT_EQ(o.code, 0) << name << ": " << o.said;
+        EXPECT_TRUE(says(o, code));
+        EXPECT_TRUE(says(o, name + ":"));
+        EXPECT_TRUE(w.has("out.kiln"));
+    }
+}
+
+TEST(Cli, CoordinatesThatAreNoNumbersOrOutOfRangeAreNamed) {
+    const Workplace w;
+    for (const std::string bad : {"nan", "inf", "1e9", "-1e300"}) {
+        std::string brush = box(40, 40, 0, 60, 60, 20);
+        brush.replace(brush.find("( ") + 2, 8, bad);
+        const Outcome o = build(w, w.write("coordinates.map", world(room(128, 96, 80) + brush) + entity("light", 96, 64, 60)));
+        EXPECT_TRUE(o.code == 0 || o.code == 3) << bad << ": " << o.code << "\n" << o.said;
+        EXPECT_TRUE(says(o, "coordinates.map:")) << bad;
+        EXPECT_TRUE(says(o, "error:")) << bad;
+    }
+}
+
+TEST(Cli, ZeroTextureScaleIsAWarning) {
+    const Workplace w;
+    std::string brushes = room(128, 96, 80);
+    for (std::size_t at = 0; (at = brushes.find("0 0 0 1 1\n", at)) != std::string::npos; at += 10) brushes.replace(at, 10, "0 0 0 0 0\n");
+    const Outcome o = build(w, w.write("scale.map", world(brushes) + entity("light", 96, 64, 60)));
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(says(o, "warning"));
+}
+
+TEST(Cli, AWorldWithoutBrushesIsAGeometryError) {
+    const Workplace w;
+    const Outcome o = build(w, w.write("bare.map", world("") + entity("light", 0, 0, 0)));
+    EXPECT_EQ(o.code, 4) << o.said;
+    EXPECT_FALSE(w.has("out.kiln"));
+}
+
+TEST(Cli, ALeakIsToldWithItsPlaceAndTrail) {
+    const Workplace w;
+    std::string brushes = room(128, 96, 80);
+    brushes = brushes.substr(brushes.find("}\n") + 2); // no floor
+    const std::string map = w.write("leak.map", world(brushes) + entity("info_player_start", 32, 32, 24));
+    Outcome o = build(w, map);
+    EXPECT_EQ(o.code, 4) << o.said;
+    EXPECT_TRUE(says(o, "[leak]"));
+    EXPECT_FALSE(w.has("out.kiln"));
+    EXPECT_TRUE(w.has("out.pts"));
+    EXPECT_TRUE(w.has("out.lin"));
+    o = build(w, map, {"--allow-leaks"});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(w.has("out.kiln"));
+    // Once sealed, the trail of yesterday is gone.
+    o = build(w, w.write("leak.map", lit_room()));
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_FALSE(w.has("out.pts"));
+}
+
+TEST(Cli, MissingOrBrokenMaterialFiles) {
+    const Workplace w;
+    const std::string map = w.write("room.map", lit_room());
+    EXPECT_EQ(build(w, map, {"--materials", w.path("none.json")}).code, 3);
+    const Outcome o = build(w, map, {"--materials", w.write("broken.json", "{ \"materials\": { \"x\": ")});
+    EXPECT_EQ(o.code, 3) << o.said;
+    EXPECT_TRUE(says(o, "broken.json"));
+    EXPECT_FALSE(w.has("out.kiln"));
+}
+
+TEST(Cli, OutputThatCannotBeWritten) {
+    const Workplace w;
+    const std::string map = w.write("room.map", lit_room());
+    EXPECT_EQ(w.run({"build", map, "-o", w.path("no/such/folder.kiln"), "--draft"}).code, 8);
+    EXPECT_EQ(w.run({"build", map, "-o", w.path("room.map/x.kiln"), "--draft"}).code, 8);
+    // As on a full disk: files cannot grow. What stood there before stays as it was.
+    w.write("out.kiln", "yesterday's");
+    const Outcome o = build(w, map, {}, {.file_bytes = 2500, .interrupt_after_ms = -1});
+    EXPECT_EQ(o.code, 8) << o.said;
+    EXPECT_EQ(w.files(), (std::vector<std::string>{"out.kiln", "room.map"}));
+    std::ifstream kept(w.path("out.kiln"));
+    std::string text;
+    std::getline(kept, text);
+    EXPECT_EQ(text, "yesterday's");
+}
+
+TEST(Cli, CtrlCLeavesNothingBehind) {
+    const Workplace w;
+    const std::string map = w.write("big.map", world(room(2048, 2048, 512)) + entity("light", 96, 64, 60, "\"light\" \"2000\"\n"));
+    const Outcome o = w.run({"build", map, "-o", w.path("out.kiln"), "--error", "0.3", "--luxel", "2"}, {.file_bytes = -1, .interrupt_after_ms = 700});
+    EXPECT_EQ(o.code, 7) << o.said;
+    EXPECT_TRUE(says(o, "[cancelled]"));
+    EXPECT_EQ(w.files(), std::vector<std::string>{"big.map"});
+}
+
+TEST(Cli, UsageErrorsNameTheNearestWord) {
+    const Workplace w;
+    const std::string map = w.write("room.map", lit_room());
+    Outcome o = build(w, map, {"--threds", "2"});
+    EXPECT_EQ(o.code, 2);
+    EXPECT_TRUE(says(o, "--threads"));
+    o = w.run({"biuld", map});
+    EXPECT_EQ(o.code, 2);
+    EXPECT_TRUE(says(o, "build"));
+    EXPECT_EQ(w.run({}).code, 2);
+    EXPECT_EQ(w.run({"--help"}).code, 0);
+    EXPECT_EQ(w.run({"explain", "leak"}).code, 0);
+    EXPECT_EQ(w.run({"explain", "no-such-code"}).code, 2);
+}
+
+TEST(Cli, WordsOfOtherCompilersWork) {
+    const Workplace w;
+    const Outcome o = w.run({"build", w.write("room.map", lit_room()), "-o", w.path("out.kiln"), "-fast", "-threads", "1", "-bounce", "8"});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(says(o, "all bounces"));
+}
+
+TEST(Cli, JsonLogHasOneObjectALine) {
+    const Workplace w;
+    const Outcome o = build(w, w.write("room.map", lit_room()), {"--log-format", "json"});
+    ASSERT_EQ(o.code, 0) << o.said;
+    std::istringstream lines(o.said);
+    int count = 0;
+    for (std::string line; std::getline(lines, line); ++count) {
+        EXPECT_EQ(line.front(), '{') << line;
+        EXPECT_EQ(line.back(), '}') << line;
+    }
+    EXPECT_GE(count, 10);
+    EXPECT_TRUE(says(o, "\"event\":\"stage\",\"name\":\"light\""));
+}
+
+TEST(Cli, DamagedLevelsAreRefused) {
+    const Workplace w;
+    ASSERT_EQ(build(w, w.write("room.map", lit_room())).code, 0);
+    std::ifstream file(w.path("out.kiln"), std::ios::binary);
+    const std::string level((std::istreambuf_iterator<char>(file)), {});
+    for (std::size_t n = 0; n < level.size(); n += level.size() / 9 + 1)
+        EXPECT_EQ(w.run({"info", "--check", w.write("cut.kiln", level.substr(0, n))}).code, 3) << n;
+    EXPECT_EQ(w.run({"info", w.write("text.kiln", "no level")}).code, 3);
+}

@@ -1,0 +1,170 @@
+#include "tools/kiln/bake_options.h"
+#include "libs/core/file.h"
+#include "tools/kiln/materials.h"
+#include <filesystem>
+#include <fmt/format.h>
+#include <map>
+#include <thread>
+
+namespace kiln {
+
+void BakeOptions::add_to(CLI::App& command) {
+    command.add_option("map", map, "The map: Valve .vmf or Quake-family .map")->required();
+    auto* quality = command.add_option_group("Quality");
+    quality->add_option_function<double>("--error", [this](double p) { compile.light.error_percent = p, error_given = true; },
+                                         "Target error of the light, percent rRMSE (default 5)")
+        ->check(CLI::Range(0.1, 100.0))->type_name("PERCENT");
+    quality->add_flag("--draft", draft, "The same as --error 20");
+    quality->add_flag("--final", final, "The same as --error 1");
+    quality->add_option("--directional", directional, "Directional lightmaps: needed (where a material has a normal map), all, none")
+        ->check(CLI::IsMember({"needed", "all", "none"}));
+    quality->add_option("--encoding", encoding, "What three directional values mean: dot, sq (Source's weights), tilted (irradiance along the basis)")
+        ->check(CLI::IsMember({"dot", "sq", "tilted"}));
+    quality->add_option("--luxel", compile.world.lightmap_scale, "Luxel size where the map says nothing, map units (default 16)")
+        ->check(CLI::Range(0.5, 1024.0))->type_name("UNITS");
+    quality->add_option("--ambient-error", ambient_error, "Target error of interpolated ambient cubes, percent (default: twice --error, at least 10)")
+        ->check(CLI::Range(1.0, 200.0))->type_name("PERCENT");
+    quality->add_option("--cubemap-size", compile.probes.default_size, "Edge of cubemap faces without a size of their own, texels (default 64)")
+        ->check(CLI::Range(4, 1024))->type_name("TEXELS");
+    quality->add_flag("--fast-vis", compile.visibility.fast, "Visibility by flooding alone: valid, looser, quicker");
+    auto* geometry = command.add_option_group("Geometry");
+    geometry->add_flag("--allow-leaks", compile.bsp.allow_leaks, "Go on where the world leaks (no outside is removed)");
+    geometry->add_option("--micro-gap", compile.bsp.micro_gap, "Openings narrower than this do not leak, map units (default 0.2)")
+        ->check(CLI::Range(0.0, 16.0))->type_name("UNITS");
+    geometry->add_option("--plane-merge", compile.csg.plane_merge_distance, "Planes that coincide this closely over both faces become one, map units (default 1/64)")
+        ->check(CLI::Range(0.0, 1.0))->type_name("UNITS");
+    auto* input = command.add_option_group("Input");
+    input->add_option("--materials", materials, "Material files (JSON), later ones win; NAME.materials.json beside the map is read by itself")->type_name("FILE");
+    input->add_option("--textures", textures, "Folders of PNG textures named like the materials: size and mean colour are read")->type_name("DIR");
+    input->add_option("--game-dir", game_dir, "A game folder: its textures/, materials/ and lights.rad are read")->type_name("DIR");
+    input->add_option("--lights", lights_rad, "lights.rad files: emission by material name")->type_name("FILE");
+    auto* running = command.add_option_group("Running");
+    running->add_option("--threads", threads, "Worker threads (default: all); the result does not depend on it")->check(CLI::Range(0, 1024))->type_name("N");
+    running->add_option("--cache", cache, "Keep stage results here; an unchanged stage is not run again")->type_name("DIR");
+    running->add_option("--log-format", log_format, "text, or json: one object a line on standard error")->check(CLI::IsMember({"text", "json"}));
+    running->add_flag("-q,--quiet", quiet, "Only warnings and errors");
+    running->add_flag("--werror", werror, "Exit 6 where there was any warning");
+}
+
+void BakeOptions::settle(Console& console) {
+    if (!error_given && draft) compile.light.error_percent = 20;
+    if (!error_given && final) compile.light.error_percent = 1;
+    compile.ambient.error_percent = ambient_error > 0 ? ambient_error : std::max(10.0, 2 * compile.light.error_percent);
+    compile.light.encoding = encoding == "sq" ? RnmEncoding::sq : encoding == "tilted" ? RnmEncoding::tilted : RnmEncoding::dot;
+    compile.light.directional = directional == "all" ? Directional::all : directional == "none" ? Directional::none : Directional::needed;
+    console.format = log_format == "json" ? LogFormat::json : LogFormat::text;
+    console.quiet = quiet;
+    console.warnings_are_errors = werror;
+}
+
+int BakeOptions::thread_count() const {
+    return threads > 0 ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+std::string stem_of(const std::string& path) {
+    std::filesystem::path p(path);
+    return p.replace_extension().string();
+}
+
+Result<CompileInput> read_input(const BakeOptions& options, Context& context) {
+    CompileInput input;
+    auto map = read_file(options.map);
+    if (!map) return map.fault();
+    input.map = {options.map, *std::move(map)};
+
+    namespace fs = std::filesystem;
+    std::vector<std::string> texture_folders = options.textures;
+    std::vector<std::string> rads = options.lights_rad;
+    const auto add_if_there = [](std::vector<std::string>& list, const std::string& path) {
+        std::error_code ignored;
+        if (fs::exists(path, ignored)) list.insert(list.begin(), path);
+    };
+    if (!options.game_dir.empty()) {
+        std::error_code ignored;
+        if (!fs::is_directory(options.game_dir, ignored))
+            return fault(Exit::input, "cannot-read", "the game folder is not a folder", {.file = options.game_dir});
+        add_if_there(texture_folders, options.game_dir + "/materials");
+        add_if_there(texture_folders, options.game_dir + "/textures");
+    }
+    add_if_there(rads, stem_of(options.map) + ".rad");
+    if (!options.game_dir.empty()) add_if_there(rads, options.game_dir + "/lights.rad");
+
+    for (const std::string& folder : texture_folders) {
+        auto found = materials_of_textures(folder, input.map.bytes, context);
+        if (!found) return found.fault();
+        input.materials.push_back(*std::move(found));
+    }
+    std::vector<std::string> files = options.materials;
+    add_if_there(files, stem_of(options.map) + ".materials.json");
+    for (const std::string& file : files) {
+        auto bytes = read_file(file);
+        if (!bytes) return bytes.fault();
+        input.materials.push_back({file, *std::move(bytes)});
+    }
+    for (const std::string& file : rads) {
+        auto bytes = read_file(file);
+        if (!bytes) return bytes.fault();
+        input.lights_rad.push_back({file, *std::move(bytes)});
+    }
+    return input;
+}
+
+int compile_map(const BakeOptions& options, Console& console, Context& context, Stage last, Compiled& out) {
+    const auto input = read_input(options, context);
+    if (!input) return console.fail(input.fault());
+    const ContentStore store(options.cache);
+    CompileRun run{.store = &store, .last = last, .stage_done = [&](const StageReport& s) {
+                       console.print_new(context);
+                       console.stage(s);
+                   }};
+    const auto done = compile(*input, options.compile, run, context, out);
+    console.print_new(context);
+    return done ? 0 : console.fail(done.fault());
+}
+
+std::vector<std::string> translate_known_words(int argc, char** argv, std::vector<std::string>& notes) {
+    struct Known {
+        std::vector<std::string> ours; // in its place
+        int arguments = 0;             // that it takes along (kept) ...
+        bool drop_arguments = false;   // ... or loses
+        const char* note = nullptr;
+    };
+    static const std::map<std::string, Known> known = {
+        {"-fast", {{"--draft", "--fast-vis"}, 0, false, nullptr}},
+        {"-final", {{"--final"}, 0, false, nullptr}},
+        {"-threads", {{"--threads"}, 1, false, nullptr}},
+        {"-game", {{"--game-dir"}, 1, false, nullptr}},
+        {"-vproject", {{"--game-dir"}, 1, false, nullptr}},
+        {"-lights", {{"--lights"}, 1, false, nullptr}},
+        {"-luxelscale", {{}, 1, true, "-luxelscale is not supported: use --luxel UNITS"}},
+        {"-leaktest", {{}, 0, false, "-leaktest: a leak always ends the build (see --allow-leaks)"}},
+        {"-bounce", {{}, 1, true, "-bounce: all bounces are always solved"}},
+        {"-extra", {{}, 0, false, "-extra: sampling follows --error"}},
+        {"-extra4", {{}, 0, false, "-extra4: sampling follows --error"}},
+        {"-hdr", {{}, 0, false, "-hdr: light is always stored in high dynamic range"}},
+        {"-both", {{}, 0, false, "-both: light is always stored in high dynamic range"}},
+        {"-ldr", {{}, 0, false, "-ldr: light is always stored in high dynamic range"}},
+        {"-bumpall", {{"--directional", "all"}, 0, false, nullptr}},
+        {"-low", {{}, 0, false, nullptr}},
+        {"-v", {{}, 0, false, nullptr}},
+        {"-verbose", {{}, 0, false, nullptr}},
+        {"-noverbose", {{"--quiet"}, 0, false, nullptr}},
+        {"-nopercent", {{}, 0, false, nullptr}},
+        {"-nocolor", {{}, 0, false, nullptr}},
+    };
+    std::vector<std::string> words;
+    for (int i = 1; i < argc; ++i) {
+        const auto it = known.find(argv[i]);
+        if (it == known.end()) {
+            words.emplace_back(argv[i]);
+            continue;
+        }
+        words.insert(words.end(), it->second.ours.begin(), it->second.ours.end());
+        if (it->second.note) notes.emplace_back(it->second.note);
+        for (int k = 0; k < it->second.arguments && i + 1 < argc; ++k, ++i)
+            if (!it->second.drop_arguments) words.emplace_back(argv[i + 1]);
+    }
+    return words;
+}
+
+} // namespace kiln

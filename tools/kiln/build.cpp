@@ -1,0 +1,118 @@
+#include "formats/portal_file/portal_file.h"
+#include "libs/core/file.h"
+#include "tools/kiln/commands.h"
+#include <filesystem>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+#include <unistd.h>
+
+namespace kiln {
+namespace {
+
+nlohmann::ordered_json to_json(const Diagnostic& d) {
+    return {{"severity", to_text(d.severity)}, {"code", d.code}, {"file", d.where.file}, {"line", d.where.line},
+            {"entity", d.where.entity}, {"brush", d.where.brush}, {"side", d.where.side}, {"message", d.message}};
+}
+
+std::string report_json(const Compiled& c, const Context& context) {
+    nlohmann::ordered_json j;
+    j["stages"] = nlohmann::json::array();
+    for (const StageReport& s : c.stages)
+        j["stages"].push_back({{"name", s.name}, {"wall_s", s.wall_s}, {"cpu_s", s.cpu_s}, {"peak_rss_mb", s.peak_rss_mb}, {"cached", s.cached}});
+    j["counts"] = {{"brushes", c.world.brushes.size()}, {"planes", c.csg.planes.planes.size()}, {"nodes", c.bsp.nodes.size()},
+                   {"leaves", c.bsp.leaves.size()}, {"clusters", c.bsp.cluster_count}, {"portals", c.portals.size()},
+                   {"faces", c.surfaces.faces.size()}, {"luxels", c.surfaces.luxels.size()}, {"patches", c.lighting.patches.size()},
+                   {"lights", c.lights.size()}, {"cubes", c.ambient.cubes.size()}, {"probes", c.probes.probes.size()},
+                   {"rays", c.lighting.rays + c.ambient.rays}};
+    const ErrorReport& e = c.lighting.error;
+    j["error"] = {{"target", e.target}, {"estimate", e.estimate}, {"low", e.low}, {"high", e.high}, {"noise", e.noise},
+                  {"patch_bias", e.patch_bias}, {"iteration", e.iteration}, {"representation", e.representation},
+                  {"ambient", c.ambient.error_estimate}};
+    j["light"] = {{"iterations", c.lighting.iterations}, {"escaped_rays", c.lighting.escaped_rays}, {"back_face_rays", c.lighting.back_face_rays}};
+    j["level_bytes"] = c.level.size();
+    j["diagnostics"] = nlohmann::json::array();
+    for (const Diagnostic& d : context.diagnostics()) j["diagnostics"].push_back(to_json(d));
+    return j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+// Leak trails of an earlier build must not outlive the leak.
+void remove_trails(const std::string& stem) {
+    std::error_code ignored;
+    for (const char* ending : {".pts", ".lin"}) std::filesystem::remove(stem + ending, ignored);
+}
+
+Result<bool> write_trails(const std::string& stem, const Leak& leak) {
+    if (auto r = write_file(stem + ".pts", write_pts(leak.path)); !r) return r;
+    return write_file(stem + ".lin", write_lin(leak.path));
+}
+
+} // namespace
+
+Command build_command(CLI::App& app) {
+    struct Options {
+        BakeOptions bake;
+        std::string output, report, stop_after;
+        double require_error = 0;
+    };
+    auto o = std::make_shared<Options>();
+    o->bake.add_to(app);
+    app.add_option("-o,--output", o->output, "The level file (default: the map's name with .kiln)")->type_name("FILE");
+    app.add_option("--report", o->report, "Write stages, counts, error and diagnostics as JSON")->type_name("FILE");
+    app.add_option("--stop-after", o->stop_after, "Stop after this stage; no level is written")
+        ->check(CLI::IsMember(std::vector<std::string>(kStageNames.begin(), kStageNames.end())))->type_name("STAGE");
+    app.add_flag_function("--strip", [o](std::int64_t) { o->bake.compile.strip = true; }, "Leave out provenance and error maps");
+    app.add_option("--require-error", o->require_error, "Exit 6 where the estimated error exceeds this, percent")->type_name("PERCENT");
+    app.footer("examples:\n  kiln build maps/atrium/atrium.vmf\n  kiln build e1m1.map -o e1m1.kiln --error 2 --cache ~/.cache/kiln\n"
+               "  kiln build m.vmf --stop-after bsp --report m.json\n"
+               "Words of vbsp, vvis, vrad, qbsp, vis and light (-fast, -final, -threads N, -game DIR ...) are understood.\n"
+               "Exit codes: kiln explain");
+    return [o]() -> int {
+        Console console;
+        o->bake.settle(console);
+        Context context = console.make_context(o->bake.thread_count());
+        const std::string output = o->output.empty() ? stem_of(o->bake.map) + ".kiln" : o->output;
+        const std::string stem = stem_of(output);
+        // Find out that nothing can be written before minutes are spent, not after.
+        const std::filesystem::path folder = std::filesystem::absolute(output).parent_path();
+        if (::access(folder.c_str(), W_OK) != 0)
+            return console.fail(fault(Exit::io, "cannot-write", "the folder of the output is missing or not writable", {.file = output}));
+
+        Stage last = Stage::pack;
+        for (std::size_t i = 0; i < kStageNames.size(); ++i)
+            if (o->stop_after == kStageNames[i]) last = static_cast<Stage>(i);
+        Compiled c;
+        int code = compile_map(o->bake, console, context, last, c);
+
+        const auto write = [&](const Result<bool>& written) {
+            if (!written && code == 0) code = console.fail(written.fault());
+        };
+        if (last >= Stage::bsp && (code == 0 || c.bsp.leak)) {
+            if (c.bsp.leak) {
+                write(write_trails(stem, *c.bsp.leak));
+            } else {
+                remove_trails(stem);
+            }
+            if (!c.portals.empty() && code == 0) {
+                PortalFile prt;
+                prt.cluster_count = c.bsp.cluster_count;
+                for (const VisPortal& p : c.portals) prt.portals.push_back({p.cluster_front, p.cluster_back, p.winding, false});
+                write(write_file(stem + ".prt", write_portal_file(prt)));
+            }
+        }
+        if (!o->report.empty()) write(write_file(o->report, report_json(c, context)));
+        if (code != 0) return code;
+        if (last == Stage::pack) {
+            if (const auto written = write_file(output, c.level); !written) return console.fail(written.fault());
+            const ErrorReport& e = c.lighting.error;
+            console.say(fmt::format("{}: {:.2f} MB, light error {:.1f} % ({:.1f} to {:.1f} %, asked for {:g} %)", output,
+                                    static_cast<double>(c.level.size()) / 1e6, e.estimate, e.low, e.high, e.target));
+            if (o->require_error > 0 && e.estimate > o->require_error)
+                return console.fail(fault(Exit::quality, "error-above-gate",
+                                          fmt::format("the estimated error of the light is {:.2f} %, allowed are {:g} %", e.estimate, o->require_error),
+                                          {.file = o->bake.map}));
+        }
+        return console.verdict(context);
+    };
+}
+
+} // namespace kiln

@@ -1,0 +1,234 @@
+// dump: any artefact of the way from map to level as rows; one row a line in text, an array of objects in JSON. Rows
+// stand in the order of their ids and numbers are printed shortest-exact, so dumps of equal artefacts are equal.
+#include "libs/core/file.h"
+#include "tools/kiln/commands.h"
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace kiln {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Rows = std::vector<Json>;
+
+template <class T> Json to_json(const Vec3T<T>& v) { return {v.x, v.y, v.z}; }
+Json to_json(const Box3& b) { return b.empty() ? Json() : Json{to_json(b.lo), to_json(b.hi)}; }
+template <class Tag> Json to_json(Index<Tag> i) { return i.valid() ? Json(i.value) : Json(); }
+template <class T> Json list(const std::vector<T>& values) {
+    Json j = Json::array();
+    for (const T& v : values) {
+        if constexpr (std::is_arithmetic_v<T>)
+            j.push_back(v);
+        else
+            j.push_back(to_json(v));
+    }
+    return j;
+}
+
+constexpr const char* kContents[] = {"empty", "solid", "detail", "window", "water", "slime", "lava", "area_portal", "hint", "clip", "trigger"};
+const char* name(Contents c) { return kContents[static_cast<std::size_t>(c) % std::size(kContents)]; }
+
+Rows dump_document(const Compiled& c) {
+    Rows rows;
+    for (const DocEntity& e : c.document.entities) {
+        Json keys = Json::array();
+        for (const DocKey& k : e.keys) keys.push_back({k.key, k.value});
+        rows.push_back({{"entity", e.id}, {"line", e.line}, {"keys", keys}, {"brushes", e.brushes.size()}});
+        for (const DocBrush& b : e.brushes) {
+            rows.push_back({{"brush", b.id}, {"line", b.line}, {"sides", b.sides.size()}});
+            for (const DocSide& s : b.sides) {
+                Json points = Json::array();
+                for (const auto& p : s.points) points.push_back({p[0].to_double(), p[1].to_double(), p[2].to_double()});
+                rows.push_back({{"side", s.id}, {"line", s.line}, {"material", s.material}, {"points", points}, {"u_axis", to_json(s.texture.u_axis)},
+                                {"v_axis", to_json(s.texture.v_axis)}, {"shift", {s.texture.u_shift, s.texture.v_shift}},
+                                {"scale", {s.texture.u_scale, s.texture.v_scale}}, {"lightmap_scale", s.lightmap_scale}, {"smoothing", s.smoothing_groups}});
+            }
+        }
+    }
+    return rows;
+}
+Rows dump_world(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.world.materials.size(); ++i) {
+        const Material& m = c.world.materials[i];
+        rows.push_back({{"material", i}, {"name", m.name}, {"known", m.known}, {"reflectance", to_json(m.reflectance)}, {"emission", to_json(m.emission)},
+                        {"flags", m.flags}, {"size", {m.width, m.height}}, {"normal_map", m.normal_map}, {"albedo_map", m.albedo_map}});
+    }
+    for (std::size_t i = 0; i < c.world.brushes.size(); ++i) {
+        const WorldBrush& b = c.world.brushes[i];
+        rows.push_back({{"brush", i}, {"id", b.id}, {"line", b.line}, {"contents", name(b.contents)}, {"model", to_json(b.model)}, {"entity", to_json(b.entity)},
+                        {"sides", b.side_count}, {"draws", b.draws}, {"casts_light_shadow", b.casts_light_shadow}});
+    }
+    for (std::size_t i = 0; i < c.world.entities.size(); ++i) {
+        const WorldEntity& e = c.world.entities[i];
+        rows.push_back({{"entity", i}, {"id", e.id}, {"line", e.line}, {"classname", e.get("classname")}, {"model", to_json(e.model)},
+                        {"origin", e.has_origin ? to_json(e.origin) : Json()}});
+    }
+    return rows;
+}
+Rows dump_csg(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.csg.fragments.size(); ++i) {
+        const Fragment& f = c.csg.fragments[i];
+        rows.push_back({{"fragment", i}, {"side", to_json(f.side)}, {"brush", to_json(f.brush)}, {"model", to_json(f.model)}, {"behind", name(f.behind)},
+                        {"front", name(f.front)}, {"points", list(points(c.csg.planes, f.polygon))}});
+    }
+    return rows;
+}
+Rows dump_bsp(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.bsp.nodes.size(); ++i) {
+        const BspNode& n = c.bsp.nodes[i];
+        rows.push_back({{"node", i}, {"normal", to_json(c.bsp.planes.normal(n.plane))}, {"distance", c.bsp.planes.distance(n.plane)}, {"child", {n.child[0], n.child[1]}}});
+    }
+    for (std::size_t i = 0; i < c.bsp.leaves.size(); ++i) {
+        const BspLeaf& l = c.bsp.leaves[i];
+        rows.push_back({{"leaf", i}, {"contents", name(l.contents)}, {"cluster", to_json(l.cluster)}, {"outside", l.outside}, {"area", l.area},
+                        {"bounds", to_json(l.bounds)}, {"brushes", list(l.brushes)}});
+    }
+    return rows;
+}
+Rows dump_portals(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.portals.size(); ++i)
+        rows.push_back({{"portal", i}, {"front", c.portals[i].cluster_front}, {"back", c.portals[i].cluster_back}, {"winding", list(c.portals[i].winding)}});
+    return rows;
+}
+Rows dump_vis(const Compiled& c) {
+    Rows rows;
+    for (std::uint32_t a = 0; a < c.visibility.cluster_count; ++a) {
+        Json seen = Json::array();
+        for (std::uint32_t b = 0; b < c.visibility.cluster_count; ++b)
+            if (c.visibility.sees(a, b)) seen.push_back(b);
+        rows.push_back({{"cluster", a}, {"count", seen.size()}, {"sees", seen}});
+    }
+    return rows;
+}
+Rows dump_faces(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.surfaces.faces.size(); ++i) {
+        const Face& f = c.surfaces.faces[i];
+        const SourceLocation at = c.world.location(f.side);
+        rows.push_back({{"face", i}, {"material", c.world.materials[f.material.at()].name}, {"model", to_json(f.model)}, {"chart", to_json(f.chart)},
+                        {"normal", to_json(f.normal)}, {"distance", f.distance}, {"area", f.area}, {"triangles", f.triangle_count}, {"drawn", f.drawn},
+                        {"sky", f.sky}, {"blocks_light", f.blocks_light}, {"tangent", to_json(f.tangent.t)}, {"bitangent", to_json(f.tangent.b)},
+                        {"clusters", list(f.clusters)}, {"brush", at.brush}, {"side", at.side}, {"line", at.line}});
+    }
+    return rows;
+}
+Rows dump_charts(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.surfaces.charts.size(); ++i) {
+        const Chart& h = c.surfaces.charts[i];
+        rows.push_back({{"chart", i}, {"origin", to_json(h.origin)}, {"s", to_json(h.s)}, {"t", to_json(h.t)}, {"luxel_size", h.luxel_size},
+                        {"size", {h.width, h.height}}, {"first_texel", h.first_texel}, {"faces", list(h.faces)}, {"smooth", h.smooth}});
+    }
+    return rows;
+}
+Rows dump_lights(const Compiled& c) {
+    static constexpr const char* kKinds[] = {"point", "spot", "sun", "sky"};
+    Rows rows;
+    for (std::size_t i = 0; i < c.lights.size(); ++i) {
+        const Light& l = c.lights[i];
+        rows.push_back({{"light", i}, {"kind", kKinds[static_cast<int>(l.kind) % 4]}, {"entity", to_json(l.entity)}, {"position", to_json(l.position)}, {"direction", to_json(l.direction)},
+                        {"intensity", to_json(l.intensity)}, {"constant", l.constant}, {"linear", l.linear}, {"quadratic", l.quadratic}, {"range", l.range},
+                        {"cos_inner", l.cos_inner}, {"cos_outer", l.cos_outer}, {"exponent", l.exponent}, {"style", l.style}});
+    }
+    return rows;
+}
+Rows dump_patches(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.lighting.patches.size(); ++i) {
+        const Patch& p = c.lighting.patches[i];
+        rows.push_back({{"patch", i}, {"face", to_json(p.face)}, {"centroid", to_json(p.centroid)}, {"area", p.area}, {"reflectance", to_json(p.reflectance)},
+                        {"emission", to_json(p.emission)}, {"radiosity", to_json(c.lighting.radiosity[i])}});
+    }
+    return rows;
+}
+Rows dump_cubes(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.ambient.cubes.size(); ++i) {
+        const AmbientCube& a = c.ambient.cubes[i];
+        Json faces = Json::array();
+        for (const Rgb& rgb : a.irradiance) faces.push_back(to_json(rgb));
+        rows.push_back({{"cube", i}, {"position", to_json(a.position)}, {"irradiance", faces}, {"local_lights", list(a.local_lights)}, {"invalid_share", a.invalid_share}});
+    }
+    return rows;
+}
+Rows dump_probes(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.probes.probes.size(); ++i) {
+        const Probe& p = c.probes.probes[i];
+        Rgbd sum{};
+        const std::size_t top = std::size_t{6} * p.size * p.size;
+        for (std::size_t k = 0; k < top; ++k) sum += Rgbd(p.texels[k]);
+        rows.push_back({{"probe", i}, {"position", to_json(p.position)}, {"entity", to_json(p.entity)}, {"size", p.size}, {"mips", p.mips},
+                        {"mean", to_json(sum / std::max<double>(1, static_cast<double>(top)))}, {"box", p.boxed ? to_json(p.box) : Json()},
+                        {"faces", std::count(c.probes.face_probe.begin(), c.probes.face_probe.end(), i)}});
+    }
+    return rows;
+}
+
+struct Artefact {
+    const char* name;
+    Stage stage;
+    Rows (*rows)(const Compiled&);
+};
+constexpr Artefact kArtefacts[] = {
+    {"document", Stage::read, dump_document}, {"world", Stage::world, dump_world},      {"fragments", Stage::csg, dump_csg},
+    {"bsp", Stage::bsp, dump_bsp},            {"portals", Stage::visibility, dump_portals}, {"vis", Stage::visibility, dump_vis},
+    {"faces", Stage::surfaces, dump_faces},   {"charts", Stage::surfaces, dump_charts}, {"lights", Stage::light, dump_lights},
+    {"patches", Stage::light, dump_patches},  {"cubes", Stage::ambient, dump_cubes},    {"probes", Stage::probes, dump_probes},
+};
+
+std::string dump_text(const Json& j) { return j.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace); }
+
+std::string as_text(const Rows& rows) {
+    std::string out;
+    for (const Json& row : rows) {
+        bool first = true;
+        for (const auto& [key, value] : row.items()) {
+            out += fmt::format("{}{} {}", first ? "" : "  ", key, dump_text(value));
+            first = false;
+        }
+        out += '\n';
+    }
+    return out;
+}
+std::string as_json(const Rows& rows) {
+    std::string out = "[\n";
+    for (std::size_t i = 0; i < rows.size(); ++i) out += dump_text(rows[i]) + (i + 1 < rows.size() ? ",\n" : "\n");
+    return out + "]\n";
+}
+
+} // namespace
+
+Command dump_command(CLI::App& app) {
+    struct Options { BakeOptions bake; std::string artefact, output; bool json = false; };
+    auto o = std::make_shared<Options>();
+    std::vector<std::string> names;
+    for (const Artefact& a : kArtefacts) names.emplace_back(a.name);
+    app.add_option("artefact", o->artefact, "What to dump")->required()->check(CLI::IsMember(names));
+    o->bake.add_to(app);
+    app.add_option("-o,--output", o->output, "File (default: standard output)")->type_name("FILE");
+    app.add_flag("--json", o->json, "JSON: an array, one row a line");
+    app.footer("examples:\n  kiln dump faces maps/atrium/atrium.vmf\n  kiln dump vis m.map --json -o vis.json\nDumps are stable: equal artefacts give equal bytes.");
+    return [o]() -> int {
+        Console console;
+        o->bake.settle(console);
+        Context context = console.make_context(o->bake.thread_count());
+        const Artefact* wanted = std::find_if(std::begin(kArtefacts), std::end(kArtefacts), [&](const Artefact& a) { return o->artefact == a.name; });
+        Compiled c;
+        if (const int code = compile_map(o->bake, console, context, wanted->stage, c); code != 0) return code;
+        const Rows rows = wanted->rows(c);
+        const std::string text = o->json ? as_json(rows) : as_text(rows);
+        if (o->output.empty()) {
+            std::fwrite(text.data(), 1, text.size(), stdout);
+        } else if (const auto written = write_file(o->output, text); !written) {
+            return console.fail(written.fault());
+        }
+        return console.verdict(context);
+    };
+}
+
+} // namespace kiln

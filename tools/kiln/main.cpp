@@ -1,0 +1,114 @@
+// kiln: the command line.
+#include "libs/core/check.h"
+#include "tools/kiln/commands.h"
+#include <csignal>
+#include <fmt/format.h>
+
+namespace {
+
+using namespace kiln;
+
+constexpr const char* kExamples = R"(examples:
+  kiln build maps/atrium/atrium.vmf                  bake a level: atrium.kiln beside the map
+  kiln build e1m1.map -o e1m1.kiln --error 2         finer light (5 % is the default)
+  kiln build m.vmf --draft --cache ~/.cache/kiln     quick, and quicker still the second time
+  kiln info atrium.kiln                              what is in a level
+  kiln image atrium.kiln --view 0 -o view.png        look at it
+  kiln explain leak                                  what a diagnostic code means
+)";
+
+std::size_t edit_distance(const std::string& a, const std::string& b) {
+    std::vector<std::size_t> row(b.size() + 1);
+    for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+    for (std::size_t i = 1; i <= a.size(); ++i) {
+        std::size_t diagonal = row[0];
+        row[0] = i;
+        for (std::size_t j = 1; j <= b.size(); ++j) {
+            const std::size_t above = row[j];
+            row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])});
+            diagonal = above;
+        }
+    }
+    return row[b.size()];
+}
+
+// "did you mean": the nearest option of the command that was called, else the nearest command.
+std::string nearest(const CLI::App& app, const std::vector<std::string>& words) {
+    const CLI::App* command = &app;
+    for (const CLI::App* sub : app.get_subcommands()) command = sub;
+    std::vector<std::string> names;
+    if (command == &app)
+        for (const CLI::App* sub : app.get_subcommands({})) names.push_back(sub->get_name());
+    std::vector<const CLI::App*> groups = {command};
+    for (const CLI::App* group : command->get_subcommands({}))
+        if (group->get_name().empty()) groups.push_back(group);
+    for (const CLI::App* group : groups)
+        for (const CLI::Option* option : group->get_options())
+            for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    std::string best;
+    std::size_t best_distance = 4;
+    for (const std::string& word : words) {
+        if (std::find(names.begin(), names.end(), word) != names.end()) continue;
+        const std::string plain = word.starts_with("--") ? word : word.starts_with("-") ? "-" + word : word;
+        for (const std::string& name : names)
+            if (const std::size_t d = edit_distance(plain.substr(0, plain.find('=')), name); d < best_distance) best_distance = d, best = name;
+    }
+    return best;
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    std::signal(SIGXFSZ, SIG_IGN); // a file that may not grow is a write error with a message, not a death
+    CLI::App app("kiln: compiles and lights brush levels", "kiln");
+    app.set_version_flag("--version", "kiln 0.1.0");
+    app.footer(kExamples);
+    app.require_subcommand(1);
+    app.get_formatter()->column_width(34);
+
+    Command chosen;
+    const std::pair<const char*, std::pair<const char*, Command (*)(CLI::App&)>> commands[] = {
+        {"build", {"Bake a map into a level file", build_command}},
+        {"info", {"Say what a level file holds", info_command}},
+        {"dump", {"Write any artefact of a map or level as stable text or JSON", dump_command}},
+        {"image", {"Render pictures of a level file", image_command}},
+        {"sample", {"Evaluate what a level stores at given points", sample_command}},
+        {"gather", {"Directional integrals at given points by the baking code", gather_command}},
+        {"reference", {"The same integrals path-traced, with standard errors", reference_command}},
+        {"explain", {"Explain a diagnostic code or exit code", explain_command}},
+    };
+    std::vector<std::pair<CLI::App*, Command>> runners;
+    for (const auto& [name, rest] : commands) {
+        CLI::App* command = app.add_subcommand(name, rest.first);
+        command->get_formatter()->column_width(34);
+        runners.emplace_back(command, rest.second(*command));
+    }
+
+    std::vector<std::string> notes;
+    std::vector<std::string> words = translate_known_words(argc, argv, notes);
+    try {
+        std::vector<std::string> reversed(words.rbegin(), words.rend());
+        app.parse(std::move(reversed));
+    } catch (const CLI::Success& e) {
+        return app.exit(e);
+    } catch (const CLI::ParseError& e) {
+        print_error(fmt::format("kiln: error: {} [usage]\n", e.what()));
+        if (const std::string guess = nearest(app, words); !guess.empty()) print_error(fmt::format("kiln: did you mean {}?\n", guess));
+        print_error(fmt::format("kiln: `kiln --help` and `kiln COMMAND --help` list what there is\n"));
+        return static_cast<int>(Exit::usage);
+    }
+    for (const std::string& note : notes) print_error(fmt::format("kiln: note: {}\n", note));
+    try {
+        for (const auto& [command, run] : runners)
+            if (command->parsed()) return run();
+    } catch (const std::bad_alloc&) {
+        print_error(fmt::format("kiln: error: out of memory [out-of-memory]\n"));
+        return static_cast<int>(Exit::limit);
+    } catch (const Cancelled&) {
+        print_error(fmt::format("kiln: error: cancelled; nothing was written [cancelled]\n"));
+        return static_cast<int>(Exit::cancelled);
+    } catch (const std::exception& e) {
+        print_error(fmt::format("kiln: internal error: {} [internal]\n", e.what()));
+    }
+    return static_cast<int>(Exit::internal);
+}
