@@ -2,6 +2,7 @@
 #include "compiler/stage.h"
 #include "formats/quake_map/quake_map.h"
 #include "formats/vmf/vmf.h"
+#include <algorithm>
 #include <cctype>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -17,7 +18,7 @@ Hash geometry_key(const World& world) {
     for (const WorldSide& s : world.sides)
         w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement);
     for (const WorldBrush& b : world.brushes)
-        w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws);
+        w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws, b.collides);
     w(world.materials, world.format, world.model_count);
     return hash_bytes(w.bytes);
 }
@@ -26,15 +27,15 @@ Hash places_key(const World& world) {
     ByteWriter w;
     w(world.file);
     for (const WorldSide& s : world.sides) w(s.line, s.id);
-    for (const WorldBrush& b : world.brushes) w(b.line, b.id, b.entity);
-    for (const WorldEntity& e : world.entities) w(e.line, e.id);
+    for (const WorldBrush& b : world.brushes) {
+        const WorldEntity& e = world.entities[b.entity.at()];
+        w(b.line, b.id, e.line, e.id);
+    }
     return hash_bytes(w.bytes);
 }
-// Where entities stand: what the leak test starts from.
-Hash entity_places_key(const World& world) {
+Hash entity_lines_key(const World& world) { // what the messages of stages that read entities show
     ByteWriter w;
-    for (const WorldEntity& e : world.entities)
-        if (e.has_origin) w(e.origin, e.model, std::string(e.get("classname")));
+    for (const WorldEntity& e : world.entities) w(e.line, e.id);
     return hash_bytes(w.bytes);
 }
 Hash smoothing_key(const World& world) { // keys of entities that steer surfaces
@@ -49,8 +50,11 @@ Hash lights_key(std::vector<Light> lights) {
     for (Light& l : lights) l.entity = {}; // its number in the file does not light anything
     return hash_of(lights);
 }
-Hash probe_entities_key(const World& world) {
+Hash probe_entities_key(const World& world, const Bsp& bsp) {
     ByteWriter w;
+    // A map without probes gets one in the region of the first player start.
+    for (const WorldEntity& e : world.entities)
+        if (e.has_origin && e.get("classname").starts_with("info_player")) w(leaf_at(bsp, e.origin));
     for (std::size_t i = 0; i < world.entities.size(); ++i)
         if (equal_ignoring_case(world.entities[i].get("classname"), "env_cubemap")) w(i, world.entities[i].origin, world.entities[i].keys);
     for (const WorldSide& s : world.sides) w(s.id); // side lists name them
@@ -119,10 +123,22 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!csg) return csg.fault();
     if (done(Stage::csg)) return true;
 
-    const auto bsp = stages.run(Stage::bsp, 1, all(*csg, geometry, entity_places_key(world), options.bsp), places, out.bsp,
-                                [&] { return build_bsp(world, out.csg, options.bsp, context); });
+    BspOptions bsp_options = options.bsp;
+    bsp_options.allow_leaks = false; // is for the leak test alone
+    const auto make_bsp = [&] {
+        return stages.run(Stage::bsp, 2, all(*csg, geometry, bsp_options), places, out.bsp,
+                          [&] { return build_bsp(world, out.csg, bsp_options, context); });
+    };
+    auto bsp = make_bsp();
     if (!bsp) return bsp.fault();
-    if (out.bsp.leak && !options.bsp.allow_leaks) return leak_fault(world, *out.bsp.leak);
+    auto leaks = find_leaks(world, out.csg, out.bsp, options.bsp, context); // the one thing here that asks for entities
+    if (!leaks) return leaks.fault();
+    out.leak = std::move(leaks->leak);
+    if (out.leak && !options.bsp.allow_leaks) return leak_fault(world, *out.leak);
+    if (out.leak) {
+        bsp_options.fill = false;
+        if (bsp = make_bsp(); !bsp) return bsp.fault();
+    }
     if (done(Stage::bsp)) return true;
 
     out.portals = vis_portals(out.bsp);
@@ -137,6 +153,8 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (done(Stage::surfaces)) return true;
 
     out.lights = read_lights(world, context);
+    if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
+        context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
     const Hash lit = all(*surfaces, *bsp, hash_of(world.materials), lights_key(out.lights));
     const auto light = stages.run(Stage::light, 1, all(lit, options.light), places, out.lighting,
                                   [&] { return bake_light(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options.light, context); });
@@ -154,7 +172,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;
 
-    const auto probes = stages.run(Stage::probes, 1, all(lit, *light, probe_entities_key(world), options.probes), places, out.probes,
+    const auto probes = stages.run(Stage::probes, 1, all(lit, *light, probe_entities_key(world, out.bsp), options.probes), all(places, entity_lines_key(world)), out.probes,
                                    [&] { return bake_probes(world, out.bsp, out.bsp.planes, out.surfaces, field(), options.probes, context); });
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;
@@ -178,14 +196,14 @@ std::string options_json(const CompileOptions& o) {
         {"csg", {{"plane_merge_distance", o.csg.plane_merge_distance}, {"grid_bits", o.csg.grid_bits}}},
         {"bsp", {{"allow_leaks", o.bsp.allow_leaks}, {"micro_gap", o.bsp.micro_gap}}},
         {"visibility", {{"fast", o.visibility.fast}, {"epsilon", o.visibility.epsilon}, {"step_budget", o.visibility.step_budget}}},
-        {"surfaces", {{"smoothing_angle_deg", o.surfaces.smoothing_angle_deg}}},
+        {"surfaces", {{"smoothing_angle_deg", o.surfaces.smoothing_angle_deg}, {"most_texels", o.surfaces.most_texels}}},
         {"light",
          {{"error_percent", o.light.error_percent}, {"encoding", kEncodings[static_cast<int>(o.light.encoding)]},
           {"directional", kDirectional[static_cast<int>(o.light.directional)]}, {"error_floor", o.light.error_floor}, {"seed", o.light.seed}}},
         {"ambient",
          {{"error_percent", o.ambient.error_percent}, {"coarsest", o.ambient.coarsest}, {"finest", o.ambient.finest},
-          {"local_lights", o.ambient.local_lights}, {"seed", o.ambient.seed}}},
-        {"probes", {{"default_size", o.probes.default_size}, {"prefilter_samples", o.probes.prefilter_samples}, {"seed", o.probes.seed}}},
+          {"local_lights", o.ambient.local_lights}, {"rays", o.ambient.rays}, {"lattice_offset", o.ambient.lattice_offset}, {"seed", o.ambient.seed}}},
+        {"probes", {{"default_size", o.probes.default_size}, {"prefilter_samples", o.probes.prefilter_samples}, {"supersample", o.probes.supersample}, {"seed", o.probes.seed}}},
         {"pack", {{"zstd_level", o.zstd_level}, {"strip", o.strip}}}};
     return j.dump();
 }

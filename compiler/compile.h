@@ -52,6 +52,7 @@ struct Compiled {
     World world;
     Csg csg;
     Bsp bsp;
+    std::optional<Leak> leak;
     std::vector<VisPortal> portals;
     Visibility visibility;
     Surfaces surfaces;

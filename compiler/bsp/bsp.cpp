@@ -141,12 +141,17 @@ std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, dou
 
 } // namespace bsp
 
+Box3 bsp::world_box(const World& world, const Csg& csg) {
+    Box3 box = bounds_of(world, csg, [](const WorldBrush& b) { return b.model.value == 0; });
+    if (box.empty()) box = bounds_of(world, csg, [](const WorldBrush&) { return true; });
+    if (box.empty()) box.add(Vec3{});
+    return box;
+}
+
 Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& options, Context& context) {
     Bsp out;
     out.planes = csg.planes;
-    Box3 world_box = bsp::bounds_of(world, csg, [](const WorldBrush& b) { return b.model.value == 0; });
-    if (world_box.empty()) world_box = bsp::bounds_of(world, csg, [](const WorldBrush&) { return true; });
-    if (world_box.empty()) world_box.add(Vec3{});
+    const Box3 world_box = bsp::world_box(world, csg);
     out.bounds = bsp::bounds_of(
         world, csg, [](const WorldBrush& b) { return b.model.value == 0 && b.contents == Contents::solid; });
     if (out.bounds.empty()) out.bounds = world_box;
@@ -158,22 +163,21 @@ Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& opti
     context.say("bsp", 0.5);
     context.check_cancelled();
     std::vector<BspPortal> portals = bsp::build_portals(space, tree);
-    const bsp::Flow flow = bsp::make_flow(tree, portals, options.micro_gap);
     context.say("bsp", 0.7);
-    const bsp::Fill fill = bsp::fill_outside(world, csg, tree, portals, flow, context);
-    if (!fill.leaking.empty()) {
-        std::vector<Leak> leaks = bsp::find_leaks(world, csg, flow, fill);
-        KILN_CHECK(!leaks.empty());
-        bsp::report_leaks(world, leaks, options, context);
-        out.leak = std::move(leaks.front());
+    std::vector<std::uint8_t> outside(tree.leaves.size());
+    if (options.fill) {
+        const bsp::Flow flow = bsp::make_flow(tree, portals, options.micro_gap);
+        outside = bsp::fill_outside(tree, portals, flow);
+        bsp::report_gaps(world, csg, tree, portals, flow, outside, context);
     }
     context.check_cancelled();
 
     std::vector<LeafId> new_leaf;
-    bsp::Pruner(tree, fill.outside, out, new_leaf);
+    bsp::Pruner(tree, outside, out, new_leaf);
     bsp::number_clusters(out);
+    if (options.fill) out.closed = bsp::closed_gaps(world, csg, space, tree, portals, outside, new_leaf);
     for (BspPortal& p : portals) {
-        if (fill.outside[p.leaf_front.at()] || fill.outside[p.leaf_back.at()]) continue;
+        if (outside[p.leaf_front.at()] || outside[p.leaf_back.at()]) continue;
         p.leaf_front = new_leaf[p.leaf_front.at()], p.leaf_back = new_leaf[p.leaf_back.at()];
         out.portals.push_back(std::move(p));
     }
@@ -282,6 +286,15 @@ void validate(const Bsp& bsp, const Csg& csg) {
         KILN_CHECK(v.polygon.support == csg.fragments[v.fragment].polygon.support);
         KILN_CHECK(v.leaf.valid() == (csg.fragments[v.fragment].model.value == 0));
         if (v.leaf.valid()) KILN_CHECK(bsp.leaves[v.leaf.at()].cluster.valid());
+    }
+    for (const ClosedGap& g : bsp.closed) {
+        KILN_CHECK(g.side.valid() && g.leaf.valid());
+        KILN_CHECK(bsp.leaves[g.leaf.at()].cluster.valid());
+        for (const Vec3& v : points(bsp.planes, g.polygon)) {
+            Box3 at;
+            at.add(v);
+            KILN_CHECK(overlap(at, bsp.leaves[g.leaf.at()].bounds));
+        }
     }
 }
 

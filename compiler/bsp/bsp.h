@@ -3,12 +3,10 @@
 //
 // In       world, csg
 // Out      tree, leaves, clusters, portals (convex, counter-clockwise seen from `leaf_front`, map units)
-// Errors   leak: not a fault. The value is complete (nothing filled, everything visible), `leak` is set and the
-//          context holds one `leak` diagnostic per opening: errors, or warnings with allow_leaks. The caller
-//          writes the trail and decides on exit 4.
-//          no-entity-inside (warning): what the void does not reach counts as inside
-//          entity-outside (warning): it lies on an outer face, while the others are sealed in
-//          micro-gap (warning): an opening narrower than options.micro_gap that would have leaked
+// Errors   micro-gap (warning): an opening narrower than options.micro_gap that would have leaked
+//
+// Whether entities are sealed in is a question of its own (find_leaks), so that moving one redoes no geometry.
+//
 // Source   the tree of H. Fuchs, Z. Kedem, B. Naylor, "On Visible Surface Generation by A Priori Tree Structures",
 //          SIGGRAPH 1980, over exact plane polygons; openings as a minimum cut: NOTES.md
 #pragma once
@@ -22,11 +20,12 @@ using ClusterId = Index<struct ClusterTag>;
 using PortalId = Index<struct PortalTag>;
 
 struct BspOptions {
-    bool allow_leaks = false;      // a leak is a warning: no fill, everything visible
+    bool allow_leaks = false;      // find_leaks: a leak is a warning. The tree does not depend on it
     // Map units: openings narrower than this do not leak, and are reported. 0.2 is what the compilers these maps were
     // made with have always dropped: a level whose door stops 0.14 short of its frame counts as sealed.
     double micro_gap = 0.2;
-    template <class A> void fields(A& a) { a(allow_leaks, micro_gap); }
+    bool fill = true;              // false: nothing is outside, everything visible (a world that leaks)
+    template <class A> void fields(A& a) { a(allow_leaks, micro_gap, fill); }
 };
 
 // Child >= 0: node; < 0: leaf -(child + 1).
@@ -67,6 +66,15 @@ struct VisibleFragment {
     template <class A> void fields(A& a) { a(fragment, polygon, leaf); }
 };
 
+// Where inside meets outside through an opening that was taken as closed (micro gaps). Together with the visible
+// structural and detail fragments these close the boundary of the inside.
+struct ClosedGap {
+    PlanePolygon polygon; // faces `leaf`; planes of Bsp::planes
+    LeafId leaf;          // inside
+    SideId side;          // of a structural brush beside it, for a name; one that does not shine where there is one
+    template <class A> void fields(A& a) { a(polygon, leaf, side); }
+};
+
 struct Leak {
     EntityId entity;             // the one the path starts at
     std::vector<Vec3> path;      // from the entity to the void; shortest by length
@@ -85,14 +93,24 @@ struct Bsp {
     std::uint32_t area_count = 0;   // areas are 1..area_count
     std::vector<BspPortal> portals; // between open leaves inside (after fill)
     std::vector<VisibleFragment> visible; // sorted by fragment; brush models: whole, leaf none
-    std::optional<Leak> leak;
+    std::vector<ClosedGap> closed;        // none without fill
     Box3 bounds;                   // of the world's solid brushes
     template <class A> void fields(A& a) {
-        a(planes, box, nodes, leaves, cluster_count, area_count, portals, visible, leak, bounds);
+        a(planes, box, nodes, leaves, cluster_count, area_count, portals, visible, closed, bounds);
     }
 };
 Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& options, Context& context);
 void validate(const Bsp& bsp, const Csg& csg);
+
+// Do the point entities stand inside? `bsp`: filled, built with the same micro_gap. Cheap where they do.
+// Errors   leak: not a fault. One diagnostic per opening, errors, or warnings with allow_leaks; the caller writes
+//          the trail and decides on exit 4
+//          no-entity-inside (warning): what the void does not reach counts as inside
+//          entity-outside (warning): it lies on an outer face or in a filled crack, while the others are sealed in
+struct LeakTest {
+    std::optional<Leak> leak; // the one with the shortest path
+};
+Result<LeakTest> find_leaks(const World& world, const Csg& csg, const Bsp& bsp, const BspOptions& options, Context& context);
 
 // The leaf that holds a point (on a plane: the front child).
 LeafId leaf_at(const Bsp& bsp, Vec3 point);

@@ -3,13 +3,17 @@
 #include "compiler/bsp/bsp.h"
 #include "compiler/bsp/polytope.h"
 #include "libs/core/context.h"
+#include <functional>
 
 namespace kiln::bsp {
+
+Box3 world_box(const World& world, const Csg& csg); // around every brush of the world
 
 struct TreeLeaf {
     Contents contents = Contents::empty;
     bool area_portal = false;
     std::vector<std::vector<Vec3>> void_faces; // where it is open to the world's box
+    std::vector<PlanePolygon> void_polygons;   // the same, facing out
     Box3 bounds;
     double thickness = 0;         // least extent, map units
     Vec3 thin_way{};              // unit, the way it is least
@@ -64,18 +68,35 @@ Flow make_flow(const Tree& tree, const std::vector<BspPortal>& portals, double m
 // Rooms of the leaf from which one can be at the point.
 std::vector<std::uint32_t> rooms_at(const Tree& tree, const Flow& flow, LeafId leaf, Vec3 point);
 
+std::vector<std::uint8_t> rooms_of_the_void(const Flow& flow); // per room: the void reaches it
+// Per leaf: what the void reaches, and cracks that lead nowhere.
+std::vector<std::uint8_t> fill_outside(const Tree& tree, const std::vector<BspPortal>& portals, const Flow& flow);
+void report_gaps(const World& world, const Csg& csg, const Tree& tree, const std::vector<BspPortal>& portals,
+                 const Flow& flow, const std::vector<std::uint8_t>& outside, Context& context);
+// Where inside meets outside or the world's box (a thin leaf may run through it all), what no detail brush closes;
+// `new_leaf`: after pruning.
+std::vector<ClosedGap> closed_gaps(const World& world, const Csg& csg, const Space& space, const Tree& tree,
+                                   const std::vector<BspPortal>& portals, const std::vector<std::uint8_t>& outside,
+                                   std::span<const LeafId> new_leaf);
+
+// A room to stand in: a leaf of the finished tree, or a room of the flow.
 struct EntityPlace {
     EntityId entity;
     Vec3 origin;
     std::vector<std::uint32_t> rooms; // it touches
+    bool on_solid = false;            // it touches solid too
 };
-struct Fill {
-    std::vector<std::uint8_t> outside;     // per leaf
-    std::vector<EntityPlace> entities;     // those in the open
-    std::vector<std::uint32_t> leaking;    // into entities: those the void reaches
+struct Ground {
+    const std::vector<BspNode>& nodes;
+    std::function<std::vector<std::uint32_t>(LeafId, Vec3)> rooms; // none: solid
+    std::function<bool(std::uint32_t)> lost;                       // the void reaches the room
 };
-Fill fill_outside(const World& world, const Csg& csg, const Tree& tree, const std::vector<BspPortal>& portals,
-                  const Flow& flow, Context& context);
+struct Settlers {
+    std::vector<EntityPlace> entities;  // those in the open
+    std::vector<std::uint32_t> leaking; // into entities: those the void reaches
+    bool inhabited = false;             // someone stands where it does not
+};
+Settlers place_entities(const World& world, const Ground& ground);
 
 // Structural brushes of the world about an opening, nearest first, at most `count`.
 std::vector<BrushId> brushes_near(const World& world, const Csg& csg, std::span<const Vec3> opening, std::size_t count);
@@ -87,7 +108,7 @@ std::vector<std::uint32_t> touching(std::span<const Box3> boxes);
 
 // All openings that have to be closed, the one with the shortest path first. Entities that stand in the void
 // themselves come last, without an opening.
-std::vector<Leak> find_leaks(const World& world, const Csg& csg, const Flow& flow, const Fill& fill);
+std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& flow, const Settlers& placed);
 void report_leaks(const World& world, const std::vector<Leak>& leaks, const BspOptions& options, Context& context);
 
 Vec3 closest_point(std::span<const Vec3> convex_winding, Vec3 to);

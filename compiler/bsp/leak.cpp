@@ -93,12 +93,12 @@ std::vector<std::uint32_t> touching(std::span<const Box3> boxes) {
     return result;
 }
 
-std::vector<Leak> find_leaks(const World& world, const Csg& csg, const Flow& flow, const Fill& fill) {
+std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& flow, const Settlers& placed) {
     std::vector<std::uint8_t> on_shore(flow.room_leaf.size());
     for (const auto& [room, face] : flow.shore) on_shore[room] = 1;
-    std::vector<std::uint32_t> starts, exposed; // into fill.entities
-    for (const std::uint32_t e : fill.leaking) {
-        const bool in_void = std::ranges::any_of(fill.entities[e].rooms, [&](std::uint32_t r) { return on_shore[r]; });
+    std::vector<std::uint32_t> starts, exposed; // into placed.entities
+    for (const std::uint32_t e : placed.leaking) {
+        const bool in_void = std::ranges::any_of(placed.entities[e].rooms, [&](std::uint32_t r) { return on_shore[r]; });
         (in_void ? exposed : starts).push_back(e);
     }
     std::vector<std::uint8_t> closed(flow.doors.size());
@@ -108,7 +108,7 @@ std::vector<Leak> find_leaks(const World& world, const Csg& csg, const Flow& flo
     std::vector<double> lengths;
     const auto add = [&](const Trail& trail, std::span<const Vec3> about, Vec3 hole) {
         Leak leak;
-        leak.entity = fill.entities[trail.start].entity;
+        leak.entity = placed.entities[trail.start].entity;
         leak.path = trail.points;
         leak.hole = hole;
         leak.near = brushes_near(world, csg, about, kNearBrushes);
@@ -120,13 +120,13 @@ std::vector<Leak> find_leaks(const World& world, const Csg& csg, const Flow& flo
         for (std::uint32_t d = 0; d < flow.doors.size(); ++d)
             if (!closed[d]) cut.connect(flow.doors[d].rooms[0], flow.doors[d].rooms[1], flow.doors[d].area, d);
         for (const std::uint32_t e : starts)
-            for (const std::uint32_t r : fill.entities[e].rooms) cut.source(r);
+            for (const std::uint32_t r : placed.entities[e].rooms) cut.source(r);
         for (std::uint32_t r = 0; r < on_shore.size(); ++r)
             if (on_shore[r]) cut.sink(r);
         std::vector<std::uint32_t> cuts;
         if (auto least = cut.run(kCutSteps)) {
             cuts = std::move(*least);
-        } else if (const auto trail = shortest_trail(flow, fill.entities, starts, closed); trail && !trail->doors.empty()) {
+        } else if (const auto trail = shortest_trail(flow, placed.entities, starts, closed); trail && !trail->doors.empty()) {
             cuts = {*std::ranges::min_element(trail->doors, {}, [&](std::uint32_t d) { return flow.doors[d].area; })};
         }
         std::vector<Box3> boxes;
@@ -147,7 +147,7 @@ std::vector<Leak> find_leaks(const World& world, const Csg& csg, const Flow& flo
                 about.insert(about.end(), door.winding.begin(), door.winding.end());
                 middle += centroid(door.winding) * door.area, total += door.area;
             }
-            const std::optional<Trail> trail = shortest_trail(flow, fill.entities, starts, shut);
+            const std::optional<Trail> trail = shortest_trail(flow, placed.entities, starts, shut);
             if (!trail) continue;
             middle = total > 0 ? middle / total : about.front();
             Vec3 hole = about.front(); // the middle of an opening around a corner is not in it
@@ -167,9 +167,9 @@ std::vector<Leak> find_leaks(const World& world, const Csg& csg, const Flow& flo
     leaks.clear();
     for (const std::uint32_t e : exposed) {
         const std::vector<std::uint32_t> one{e};
-        const std::optional<Trail> trail = shortest_trail(flow, fill.entities, one, closed);
+        const std::optional<Trail> trail = shortest_trail(flow, placed.entities, one, closed);
         if (!trail) continue;
-        const Vec3 at = fill.entities[e].origin;
+        const Vec3 at = placed.entities[e].origin;
         add(*trail, std::span(&at, 1), at);
     }
     for (Leak& l : leaks) sorted.push_back(std::move(l));

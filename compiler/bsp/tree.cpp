@@ -144,7 +144,8 @@ private:
         }
         if (leaf.contents != Contents::solid)
             for (const Poly& f : work.region.faces)
-                if (std::ranges::find(box_, f.polygon.support) != box_.end()) leaf.void_faces.push_back(f.points);
+                if (std::ranges::find(box_, f.polygon.support) != box_.end())
+                    leaf.void_faces.push_back(f.points), leaf.void_polygons.push_back(f.polygon);
         return leaf;
     }
 

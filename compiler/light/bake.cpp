@@ -4,19 +4,24 @@
 #include "libs/parallel/parallel.h"
 #include <map>
 #include <numbers>
+#include <numeric>
 
 namespace kiln {
+
+// Distance of ray origins from the rim of their footprint, in push-offs: walls that lean over it as far as 6 degrees
+// from the surface do not swallow them.
+constexpr double kMargin = 10;
 
 Quality Quality::of(const LightOptions& options) {
     Quality q;
     const double e = std::clamp(options.error_percent, 0.1, 50.0);
     q.patch_size = 40 * std::sqrt(e / 5);
     q.promotion = 0.001 * e;
-    q.light_cutoff = 2e-4 * e;
-    q.direct_samples = e <= 1.5 ? 256 : e <= 6 ? 64 : 16;
-    q.row_rays = e <= 1 ? 1024 : e <= 2.5 ? 512 : 256;
+    q.light_cutoff = 0.001 * e;
+    q.direct_samples = e <= 1.5 ? 128 : e <= 2.5 ? 64 : e <= 6 ? 32 : 16;
+    q.row_rays = e <= 1 ? 1024 : e <= 6 ? 512 : 256; // they are the guides of the gather as well
     q.iteration = std::min(1e-3, e * 1e-4);
-    q.least_rays = e >= 10 ? 16 : 32;
+    q.first_rays = e >= 10 ? 32 : 64;
     return q;
 }
 
@@ -92,7 +97,7 @@ Vec3 Bake::luxel_centroid(const Luxel& l) const {
 }
 
 Footprint Bake::footprint_of_patch(std::uint32_t p) const {
-    Footprint f;
+    Footprint f(kMargin * scene_.push_off());
     const Patch& patch = patches_.patches[p];
     const Face& face = surfaces_.faces[patch.face.at()];
     if (!face.chart.valid()) {
@@ -110,7 +115,7 @@ Footprint Bake::footprint_of_patch(std::uint32_t p) const {
 
 // Of a luxel cut in two by a wall, only the larger side.
 Footprint Bake::footprint_of_luxel(std::uint32_t l) const {
-    Footprint f;
+    Footprint f(kMargin * scene_.push_off());
     const Luxel& luxel = surfaces_.luxels[l];
     const Chart& chart = surfaces_.charts[luxel.chart.at()];
     for (std::uint32_t k = 0; k < luxel.piece_count; ++k)
@@ -143,33 +148,76 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest, const std::v
     for (std::size_t p = 0; p < out.patch.size(); ++p)
         out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * total[p] * inv_pi);
     out.texel.resize(surfaces_.texel_count);
+    out.direct.resize(surfaces_.texel_count);
     for (std::size_t l = 0; l < surfaces_.luxels.size(); ++l) {
         const Luxel& luxel = surfaces_.luxels[l];
         const Chart& c = surfaces_.charts[luxel.chart.at()];
         const std::uint32_t p = luxel_patch_[l];
         if (p == kNoPatch) continue;
-        out.texel[c.first_texel + luxel.y * c.width + luxel.x] =
-            static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * (direct_[l].flat + rest[p]) * inv_pi);
+        const std::size_t texel = c.first_texel + luxel.y * c.width + luxel.x;
+        const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
+        out.direct[texel] = static_cast<Rgb>(rho * direct_[l].flat);
+        out.texel[texel] = static_cast<Rgb>(rho * (direct_[l].flat + rest[p]));
     }
     return out;
 }
 
-ReflectedLight Bake::coarse_light(const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total) const {
+// The same on patches of twice the size, rows and solution included, from the rays that have been traced.
+ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first) {
+    const std::size_t n = patches_.patches.size();
     const PatchTable coarse = build_patches(world_, surfaces_, edges_, 2 * quality_.patch_size);
-    std::vector<Rgbd> sum_rest(coarse.patches.size()), sum_total(coarse.patches.size());
-    std::vector<double> area(coarse.patches.size());
-    std::vector<std::uint32_t> parent(patches_.patches.size(), kNoPatch);
-    for (std::size_t p = 0; p < parent.size(); ++p) {
-        if (patches_.first_piece[p] == patches_.first_piece[p + 1]) continue;
-        parent[p] = coarse.piece_patch[patches_.pieces[patches_.first_piece[p]]];
+    const std::size_t m = coarse.patches.size();
+    std::vector<std::uint32_t> parent(n);
+    std::vector<std::vector<std::uint32_t>> children(m);
+    std::vector<double> area(m);
+    std::vector<Rgbd> coarse_direct(m), coarse_first(m), coarse_rho(m);
+    for (std::uint32_t p = 0; p < n; ++p) {
+        const bool pieces = patches_.first_piece[p] < patches_.first_piece[p + 1];
+        parent[p] = pieces ? coarse.piece_patch[patches_.pieces[patches_.first_piece[p]]]
+                           : coarse.face_patch[patches_.patches[p].face.at()];
+        const std::uint32_t c = parent[p];
         const double a = patches_.patches[p].area;
-        sum_rest[parent[p]] += rest[p] * a, sum_total[parent[p]] += total[p] * a, area[parent[p]] += a;
+        children[c].push_back(p);
+        area[c] += a;
+        coarse_direct[c] += direct[p] * a, coarse_first[c] += first[p] * a;
+        coarse_rho[c] += static_cast<Rgbd>(patches_.patches[p].reflectance) * a;
     }
-    std::vector<Rgbd> r = rest, t = total;
-    for (std::size_t p = 0; p < parent.size(); ++p)
-        if (parent[p] != kNoPatch && area[parent[p]] > 0)
-            r[p] = sum_rest[parent[p]] / area[parent[p]], t[p] = sum_total[parent[p]] / area[parent[p]];
-    return reflected_light(r, t);
+    Rows merged;
+    merged.first.push_back(0);
+    for (std::uint32_t c = 0; c < m; ++c) {
+        if (area[c] > 0) coarse_direct[c] = coarse_direct[c] / area[c], coarse_first[c] = coarse_first[c] / area[c], coarse_rho[c] = coarse_rho[c] / area[c];
+        std::vector<std::pair<std::uint32_t, double>> row;
+        for (const std::uint32_t p : children[c])
+            for (std::uint64_t k = rows.first[p]; k < rows.first[p + 1]; ++k)
+                row.emplace_back(parent[rows.patch[k]], rows.weight[k] * patches_.patches[p].area / area[c]);
+        std::ranges::sort(row, {}, &std::pair<std::uint32_t, double>::first);
+        for (std::size_t i = 0; i < row.size();) {
+            double w = 0;
+            std::size_t k = i;
+            for (; k < row.size() && row[k].first == row[i].first; ++k) w += row[k].second;
+            merged.patch.push_back(row[i].first), merged.weight.push_back(static_cast<float>(w));
+            i = k;
+        }
+        merged.first.push_back(merged.patch.size());
+    }
+    std::uint32_t iterations = 0;
+    double residual = 0;
+    const std::vector<Rgbd> solved = solve(merged, coarse_first, coarse_rho, &iterations, &residual);
+    std::vector<Rgbd> rest(n), total(n);
+    for (std::size_t p = 0; p < n; ++p) total[p] = solved[parent[p]], rest[p] = total[p] - coarse_direct[parent[p]];
+    return reflected_light(rest, total);
+}
+
+void Bake::find_neighbours() {
+    neighbours_.resize(patches_.patches.size());
+    for (const auto& [a, b] : edges_) {
+        const std::uint32_t p = patches_.piece_patch[a], q = patches_.piece_patch[b];
+        if (p != q) neighbours_[p].push_back(q), neighbours_[q].push_back(p);
+    }
+    for (auto& list : neighbours_) {
+        std::ranges::sort(list);
+        list.erase(std::unique(list.begin(), list.end()), list.end());
+    }
 }
 
 Lighting Bake::run() {
@@ -230,39 +278,66 @@ Lighting Bake::run() {
         patch_luxel_first_.push_back(static_cast<std::uint32_t>(patch_luxels_.size()));
     }
 
+    find_neighbours();
     trace_rows();
     const Rows rows = merge_rows();
+    std::vector<Rgbd> rho;
+    for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
     double residual = 0;
     // First everything gathered, to know what is bright and what is dark; then the lights that deserve their own rays.
-    const std::vector<Rgbd> estimate = solve(rows, gathered_emission(false), &out_.iterations, &residual);
+    const std::vector<Rgbd> estimate = solve(rows, gathered_emission(false), rho, &out_.iterations, &residual);
     choose_lights(estimate);
-    luxel_direct();
+    std::vector<std::uint32_t> all(n);
+    std::iota(all.begin(), all.end(), 0u);
+    luxel_direct(all);
     const std::vector<Rgbd> direct = patch_direct();
     std::vector<Rgbd> first = gathered_emission(true);
     for (std::size_t p = 0; p < n; ++p) first[p] += direct[p];
-    const std::vector<Rgbd> total = solve(rows, first, &out_.iterations, &residual);
+    const std::vector<Rgbd> total = solve(rows, first, rho, &out_.iterations, &residual);
     std::vector<Rgbd> rest(n);
     for (std::size_t p = 0; p < n; ++p) rest[p] = total[p] - direct[p];
     reflected_ = reflected_light(rest, total);
-    coarse_ = coarse_light(rest, total);
+    coarse_ = coarse_light(rows, direct, first);
 
-    // As many rays as the noise share of the target asks for. Noise falls about as N^-0.65 with these sequences.
-    const double wanted = 0.6 * options_.error_percent / 100;
+    // A first pass shows where the noise is; the noise share of the target says how many rays it is worth. What the
+    // bundles met by surprise (a lamp seen through a slit) gets its own rays, there and next to it.
+    double area = 0, sum = 0;
+    for (std::size_t p = 0; p < n; ++p) area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
+    floor_ = area > 0 ? options_.error_floor * sum / area : 0;
+    rays_.assign(n, quality_.first_rays);
+    noise_.assign(n, 0);
+    std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
+    luxel_direct(again);
+    share_rays(0.6 * options_.error_percent / 100);
+    for (std::uint32_t p = 0; p < n; ++p)
+        if (rays_[p] > quality_.first_rays) again.push_back(p);
+    std::ranges::sort(again);
+    again.erase(std::unique(again.begin(), again.end()), again.end());
     const auto one_in = static_cast<std::uint32_t>(std::clamp<std::size_t>(luxels / 1500, 1, 100));
-    gather_rays_ = quality_.pilot_rays;
-    const PilotResult guess = pilot(gather_rays_, one_in);
-    if (guess.noise > 0) {
-        const double rays = quality_.pilot_rays * std::pow(guess.noise / wanted, 1 / 0.65);
-        gather_rays_ = quality_.least_rays;
-        while (gather_rays_ < quality_.most_rays && gather_rays_ < rays) gather_rays_ *= 2;
+    const auto gather = [&] {
+        constexpr int kRounds = 4; // more rays meet more lamps; what the last round meets stays with its rays
+        for (int round = 1; round <= kRounds && !again.empty(); ++round) {
+            again = add_emitters(gather_patches(again, round < kRounds ? Pass::again : Pass::last));
+            luxel_direct(again);
+        }
+        return pilot(one_in);
+    };
+    PilotResult check = gather();
+    // The estimate has the last word: noise comes in rare large strokes, which a first pass may miss.
+    constexpr int kTopUps = 3;
+    for (int top_up = 0; top_up < kTopUps && std::hypot(check.gather, check.direct, check.bias) > options_.error_percent / 100; ++top_up) {
+        if (check.gather < check.direct || check.gather < check.bias) break; // more rays would not help
+        for (std::uint32_t p = 0; p < n; ++p)
+            if (rays_[p] < quality_.most_rays && !(patch_luxel_first_[p] == patch_luxel_first_[p + 1])) rays_[p] *= 2, again.push_back(p);
+        if (again.empty()) break;
+        check = gather();
     }
-    gather_all();
-    const PilotResult check = gather_rays_ == quality_.pilot_rays ? guess : pilot(gather_rays_, one_in);
     fill();
 
     ErrorReport& e = out_.error;
     e.target = options_.error_percent;
     e.noise = 100 * check.noise, e.patch_bias = 100 * check.bias, e.iteration = 100 * residual;
+    e.representation = 100 * check.representation;
     const double square = check.noise * check.noise + check.bias * check.bias + residual * residual;
     const double spread = 1.96 * std::hypot(check.noise_se, check.bias_se);
     e.estimate = 100 * std::sqrt(square);
@@ -276,7 +351,10 @@ Lighting Bake::run() {
     out_.patch_index = patches_.texel_patch;
     out_.piece_patch = patches_.piece_patch;
     out_.face_patch = patches_.face_patch;
-    out_.gather_rays = gather_rays_;
+    double gathered = 0;
+    for (std::size_t l = 0; l < luxels; ++l)
+        if (luxel_patch_[l] != kNoPatch) gathered += rays_[luxel_patch_[l]];
+    out_.gather_rays = static_cast<std::uint32_t>(std::lround(gathered / static_cast<double>(std::max<std::size_t>(luxels, 1))));
     out_.rays = counts_.rays + shadow_rays_;
     out_.escaped_rays = counts_.escaped;
     out_.back_face_rays = counts_.back;

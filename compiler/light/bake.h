@@ -4,6 +4,7 @@
 #include "compiler/light/kernels.h"
 #include "compiler/light/patches.h"
 #include <atomic>
+#include <span>
 
 namespace kiln {
 
@@ -15,17 +16,17 @@ constexpr bool is_patch(std::uint32_t hit) { return hit < kHitEmitter; }
 // Reflected radiance at hits: luxel by luxel where a texel belongs to one patch, else by patch.
 struct ReflectedLight {
     std::vector<Rgb> texel, patch;
+    std::vector<Rgb> direct; // the part of `texel` that explicit direct light makes
 };
 
 // A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
 struct LightRef {
-    std::uint32_t light = 0;  // emitter, or light entity
+    std::uint32_t light = 0;   // emitter, or light entity
     bool is_emitter = false;
-    std::uint8_t samples = 1; // to start with
+    bool penumbra = false;     // some test rays saw it and some did not, here or at a neighbour
+    bool hidden = false;       // no test ray saw it (entities only: they cannot be left to gathered rays)
+    std::uint16_t samples = 1; // per luxel where it is not in full view
 };
-// In full view of the patch: one sample shows it. Seen by some test rays: a shadow edge crosses the patch. Seen by none:
-// a few, and more where one gets through.
-constexpr std::uint8_t kClear = 1, kPenumbra = 255, kUnlikely = 2;
 
 struct HitCounts {
     std::uint64_t rays = 0, escaped = 0, back = 0;
@@ -41,8 +42,8 @@ struct Quality { // what the error target buys; tuned in NOTES.md
     std::uint32_t visibility_rays = 16; // per patch and candidate light
     std::uint32_t direct_samples = 16;  // per luxel and light, at most
     double promotion = 0.005;        // an emitter whose predicted noise exceeds this share of E is sampled explicitly
-    double light_cutoff = 1e-3;      // entity lights below this share of E are left out
-    std::uint32_t least_rays = 32, most_rays = 4096, pilot_rays = 64; // per luxel
+    double light_cutoff = 5e-3;      // entity lights that together bring less than this share of E are left out
+    std::uint32_t first_rays = 64, most_rays = 4096; // per luxel: of the first pass; where it is noisy
     double iteration = 1e-3;         // bound on the relative iteration error
     static Quality of(const LightOptions& options);
 };
@@ -96,27 +97,40 @@ private:
     void trace_rows();
     Rows merge_rows() const;
     std::vector<Rgbd> gathered_emission(bool only_unlisted) const;
-    std::vector<Rgbd> solve(const Rows& rows, const std::vector<Rgbd>& direct, std::uint32_t* iterations,
-                            double* residual);
+    std::vector<Rgbd> solve(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho,
+                            std::uint32_t* iterations, double* residual);
     // direct.cpp
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
     void direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patch, std::uint64_t seed,
                    const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const;
-    void luxel_direct();
+    double threshold(std::uint32_t patch, std::uint32_t emitter) const; // form factor from which on it is worth rays
+    double form_factor_bound(std::uint32_t patch, std::uint32_t emitter) const;
+    std::uint16_t penumbra_samples(double share) const;
+    bool receives(std::uint32_t patch) const;
+    // Adds emitters to the lists of patches and of their neighbours; which patches changed.
+    std::vector<std::uint32_t> add_emitters(const std::vector<std::vector<std::uint32_t>>& found);
+    void luxel_direct(std::span<const std::uint32_t> patches);
     std::vector<Rgbd> patch_direct();
     // gather.cpp
     void patch_guide(std::uint32_t patch, const HemisphereMap& map, Guide* guide) const;
+    // `met`: receives emitters that should have had rays of their own, and leaves their light out; none: it stays in.
     // `coarse`: the same rays looked up in another solution, for the estimate of its difference.
-    LuxelGather gather(std::uint32_t luxel, const Guide& guide, const HemisphereMap& map, std::uint32_t rays,
-                       std::uint64_t seed, const ReflectedLight* coarse = nullptr, Rgbd* coarse_flat = nullptr) const;
+    LuxelGather gather(std::uint32_t luxel, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map, std::uint32_t rays,
+                       std::uint64_t seed, std::vector<std::uint32_t>* met, const ReflectedLight* coarse = nullptr,
+                       Rgbd* coarse_flat = nullptr) const;
+    enum class Pass { first, again, last };
     struct PilotResult {
         double noise = 0, bias = 0;       // rRMSE
+        double gather = 0, direct = 0;    // the two parts of the noise
         double noise_se = 0, bias_se = 0; // standard errors of the mean squares
-        double mean = 0;                  // of the displayed irradiance, for the floor
+        double representation = 0;        // of the encoding, over normals of its cone
     };
-    PilotResult pilot(std::uint32_t rays, std::uint32_t one_in);
-    void gather_all();
+    PilotResult pilot(std::uint32_t one_in);
+    std::vector<std::vector<std::uint32_t>> gather_patches(std::span<const std::uint32_t> patches, Pass pass);
+    void find_neighbours();
+    void share_rays(double wanted);
+    Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, int depth) const;
     // bake.cpp
     LuxelKernel kernel_of(std::uint32_t luxel) const;
     Footprint footprint_of_patch(std::uint32_t patch) const;
@@ -124,7 +138,7 @@ private:
     std::uint64_t seed_at(Vec3 point, std::uint64_t pass) const;
     Vec3 luxel_centroid(const Luxel& luxel) const;
     ReflectedLight reflected_light(const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total) const;
-    ReflectedLight coarse_light(const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total) const;
+    ReflectedLight coarse_light(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
     void fill();
     HemisphereMap map_of(std::uint32_t luxel) const;
 
@@ -139,17 +153,20 @@ private:
     EmitterSet emitters_;
     PieceEdges edges_;
     PatchTable patches_;
+    std::vector<std::vector<std::uint32_t>> neighbours_; // per patch: those it shares an edge with, in its plane
     std::vector<std::uint32_t> patch_emitter_;      // per patch; UINT32_MAX: none
     std::vector<std::uint32_t> hits_;               // row_rays per patch, in ray order
-    std::vector<std::uint64_t> list_first_;         // per patch into lists_
-    std::vector<LightRef> lists_;
+    std::vector<double> estimate_;                  // per patch: mean irradiance, everything gathered
+    double floor_ = 0;                              // irradiance below which errors are not relative any more
+    std::vector<std::vector<LightRef>> lists_;      // per patch: emitters in ascending order, then entities
     std::vector<std::uint32_t> luxel_patch_;        // per luxel: the patch of most of its footprint
     std::vector<std::uint32_t> patch_luxel_first_, patch_luxels_; // luxels by that patch
     std::vector<KernelSum> direct_;                 // per luxel
     std::vector<std::shared_ptr<const ConeTable>> cones_; // per chart; none: flat only
     ReflectedLight reflected_;
     ReflectedLight coarse_;                         // the same averaged over patches of twice the size
-    std::uint32_t gather_rays_ = 64;
+    std::vector<std::uint32_t> rays_;               // per patch: gathered rays of its luxels
+    std::vector<double> noise_;                     // per patch: relative variance that the first pass showed
     HitCounts counts_;
     std::atomic<std::uint64_t> shadow_rays_{0};
     Lighting out_;

@@ -9,13 +9,45 @@ constexpr double kPi = std::numbers::pi;
 }
 
 bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
-    const auto first = lists_.begin() + static_cast<std::ptrdiff_t>(list_first_[patch]);
-    auto last = lists_.begin() + static_cast<std::ptrdiff_t>(list_first_[patch + 1]);
-    // Emitters come first, in ascending order.
-    const auto at = std::lower_bound(first, last, emitter, [](const LightRef& r, std::uint32_t e) {
+    const auto& list = lists_[patch];
+    const auto at = std::lower_bound(list.begin(), list.end(), emitter, [](const LightRef& r, std::uint32_t e) {
         return r.is_emitter && r.light < e;
     });
-    return at != last && at->is_emitter && at->light == emitter;
+    return at != list.end() && at->is_emitter && at->light == emitter;
+}
+
+bool Bake::receives(std::uint32_t p) const {
+    const Patch& patch = patches_.patches[p];
+    return max_component(patch.reflectance) > 0 || surfaces_.faces[patch.face.at()].chart.valid();
+}
+
+// Noise of N gathered rays that hit with probability F: contrast pi sqrt(F / N), halved by stratification. Only what
+// stands out against the rest makes noise: in a furnace nothing does.
+double Bake::threshold(std::uint32_t p, std::uint32_t i) const {
+    const double contrast = mean(emitters_.emitters[i].radiance) - estimate_[p] / kPi;
+    if (contrast <= 0) return 1e30;
+    const double noise_per_root = 0.5 * kPi * contrast / std::sqrt(static_cast<double>(quality_.first_rays));
+    const double root = quality_.promotion * std::max(estimate_[p], floor_) / noise_per_root;
+    return root * root;
+}
+
+// Nearly an upper bound of the form factor from anywhere on the patch.
+double Bake::form_factor_bound(std::uint32_t p, std::uint32_t i) const {
+    const Patch& patch = patches_.patches[p];
+    const Emitter& emitter = emitters_.emitters[i];
+    const Vec3 normal = surfaces_.faces[patch.face.at()].normal;
+    const double radius = std::sqrt(patch.area);
+    Vec3 x = patch.centroid + normal * (scene_.push_off() + 0.25 * radius);
+    const double ahead = emitter.distance - dot(emitter.normal, x);
+    if (ahead > 0) x += emitter.normal * std::min(ahead + 1e-3, radius); // a part may be in front of it
+    return 4 * emitters_.bound(i, x, normal);
+}
+
+// Visibility samples for a light that would bring `share` of the irradiance if it were in full view.
+std::uint16_t Bake::penumbra_samples(double share) const {
+    std::uint32_t n = 4;
+    while (n < quality_.direct_samples && n < 3 * share * quality_.direct_samples) n *= 2;
+    return static_cast<std::uint16_t>(n);
 }
 
 // For every patch: emitters that it or a neighbour sees and whose light, left to the gathered rays, would be too noisy;
@@ -23,57 +55,36 @@ bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
 void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     const std::size_t n = patches_.patches.size();
     double area = 0, sum = 0;
-    for (std::size_t p = 0; p < n; ++p) area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(irradiance[p]);
-    const double floor = area > 0 ? options_.error_floor * sum / area : 0;
-    const auto receives = [&](std::size_t p) {
-        const Patch& patch = patches_.patches[p];
-        return max_component(patch.reflectance) > 0 || surfaces_.faces[patch.face.at()].chart.valid();
-    };
-    // The form factor above which emitter i is worth rays of its own at patch p. Noise of N gathered rays that hit with
-    // probability F: contrast pi sqrt(F / N), halved by stratification. Only what stands out against the rest makes
-    // noise: in a furnace nothing does.
-    const auto threshold = [&](std::size_t p, std::uint32_t i) {
-        const double contrast = mean(emitters_.emitters[i].radiance) - mean(irradiance[p]) / kPi;
-        if (contrast <= 0) return 1e30;
-        const double noise_per_root = 0.5 * kPi * contrast / std::sqrt(static_cast<double>(quality_.pilot_rays));
-        const double root = quality_.promotion * std::max(mean(irradiance[p]), floor) / noise_per_root;
-        return root * root;
-    };
-    // An upper bound of the form factor from anywhere on the patch, nearly.
-    const auto bound = [&](std::size_t p, std::uint32_t i) {
-        const Patch& patch = patches_.patches[p];
-        const Emitter& emitter = emitters_.emitters[i];
-        const Vec3 normal = surfaces_.faces[patch.face.at()].normal;
-        const double radius = std::sqrt(patch.area);
-        Vec3 x = patch.centroid + normal * (scene_.push_off() + 0.25 * radius);
-        const double ahead = emitter.distance - dot(emitter.normal, x);
-        if (ahead > 0) x += emitter.normal * std::min(ahead + 1e-3, radius); // a part may be in front of it
-        return 4 * emitters_.bound(i, x, normal);
-    };
+    estimate_.resize(n);
+    for (std::size_t p = 0; p < n; ++p) {
+        estimate_[p] = mean(irradiance[p]);
+        area += patches_.patches[p].area, sum += patches_.patches[p].area * estimate_[p];
+    }
+    floor_ = area > 0 ? options_.error_floor * sum / area : 0;
     std::vector<std::vector<LightRef>> emitters(n), entities(n);
     constexpr std::size_t kChunk = 32;
     parallel_for(context_, "light: visible lights", (n + kChunk - 1) / kChunk, [&](std::size_t chunk) {
         std::uint64_t rays = 0;
         std::vector<std::uint8_t> met(emitters_.emitters.size());
-        for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
+        for (auto p = static_cast<std::uint32_t>(chunk * kChunk); p < std::min(n, (chunk + 1) * kChunk); ++p) {
             const Patch& patch = patches_.patches[p];
             const Face& face = surfaces_.faces[patch.face.at()];
             if (!receives(p)) continue;
-            const Footprint footprint = footprint_of_patch(static_cast<std::uint32_t>(p));
+            const Footprint footprint = footprint_of_patch(p);
             if (footprint.empty()) continue;
             const Vec3 lift = face.normal * scene_.push_off();
-            const double radius = std::sqrt(patch.area);
+            const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);
             const Sobol points(seed_at(patch.centroid, 2));
             // What the bundle of the row has met is visible.
             std::fill(met.begin(), met.end(), 0);
             for (std::uint32_t i = 0; i < quality_.row_rays; ++i) {
-                const std::uint32_t hit = hits_[p * quality_.row_rays + i];
-                const std::uint32_t e = is_patch(hit) ? patch_emitter_[hit] : hit < kHitBlack ? hit & ~kHitEmitter : UINT32_MAX;
-                if (e != UINT32_MAX) met[e] = 1;
+                const std::uint32_t hit = hits_[static_cast<std::size_t>(p) * quality_.row_rays + i];
+                const std::uint32_t k = is_patch(hit) ? patch_emitter_[hit] : hit < kHitBlack ? hit & ~kHitEmitter : UINT32_MAX;
+                if (k != UINT32_MAX) met[k] = 1;
             }
             for (std::uint32_t i = 0; i < emitters_.emitters.size(); ++i) {
                 const Emitter& emitter = emitters_.emitters[i];
-                const double least = threshold(p, i), most = least < 1e30 ? bound(p, i) : 0;
+                const double least = threshold(p, i), most = least < 1e30 ? form_factor_bound(p, i) : 0;
                 if (most < least) continue;
                 std::uint32_t seen = 0, tested = 0;
                 double factor = 0;
@@ -85,137 +96,199 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     const Vec3 y = emitters_.point_on(i, points.pair(k, 2)) + emitter.normal * scene_.push_off();
                     const Vec3 d = y - x;
                     const double cx = dot(face.normal, d), cy = -dot(emitter.normal, d), r2 = dot(d, d);
-                    ++tested;
-                    if (cx <= 0 || cy <= 0) continue;
-                    ++rays;
+                    if (cx <= 0 || cy <= 0) continue; // says nothing about what stands between
+                    ++tested, ++rays;
                     if (scene_.occluded(x, y)) continue;
                     ++seen;
                     factor += std::min(1.0, cx * cy * emitter.area / (kPi * r2 * r2));
                 }
                 if (!seen && !met[i]) continue;
                 if (seen && !met[i] && factor / tested < least) continue;
-                emitters[p].push_back({i, true, seen == tested ? kClear : kPenumbra});
+                const double share = kPi * mean(emitter.radiance) * most / 4 / e;
+                emitters[p].push_back({i, true, seen != tested, false, penumbra_samples(share)});
             }
+            // Entities, strongest first, until all that are left together cannot matter beside what has been found.
+            std::vector<std::pair<double, std::uint32_t>> strong;
+            double left = 0, found = std::max(estimate_[p], floor_);
             for (std::uint32_t i = 0; i < lights_.size(); ++i) {
+                const double bright = light_bound(lights_[i], patch.centroid, radius);
+                if (bright > 0) strong.emplace_back(bright, i), left += bright;
+            }
+            std::ranges::sort(strong, [](const auto& x, const auto& y) { return x.first != y.first ? x.first > y.first : x.second < y.second; });
+            for (const auto& [bright, i] : strong) {
+                if (left <= quality_.light_cutoff * found) break;
+                left -= bright;
                 const Light& light = lights_[i];
-                if (light.kind == LightKind::sky) continue;
-                // The light of entities is not in the estimate yet: E of the patch is what the emitters bring, or this.
-                if (light_bound(light, patch.centroid, radius) <= quality_.light_cutoff * std::max(mean(irradiance[p]), floor)) continue;
                 std::uint32_t seen = 0, tested = 0;
+                double brought = 0;
                 for (std::uint32_t k = 0; k < quality_.visibility_rays; ++k) {
-                    if (k == 4 && seen == 0) break;
+                    if (k == 4 && tested == 4 && seen == 0) break;
                     const Vec3 x = footprint.sample(points.pair(k, 0)) + lift;
                     LightSample s;
                     if (!sample_light(light, x, face.normal, points.pair(k, 2), &s)) continue;
                     ++tested, ++rays;
-                    const bool visible = s.distant ? scene_.reaches_sky(x, s.direction) : !scene_.occluded(x, s.position);
-                    seen += visible;
+                    if (!(s.distant ? scene_.reaches_sky(x, s.direction) : !scene_.occluded(x, s.position))) continue;
+                    ++seen;
+                    brought += mean(s.weight) * dot(s.direction, face.normal) + mean(s.ambient);
                 }
                 if (!tested) continue;
-                entities[p].push_back({i, false, seen == tested ? kClear : seen ? kPenumbra : kUnlikely});
+                found += brought / tested;
+                entities[p].push_back({i, false, seen != tested && seen > 0, seen == 0, penumbra_samples(bright / found)});
             }
+            std::ranges::sort(entities[p], {}, &LightRef::light);
         }
         shadow_rays_ += rays;
     });
     // A shaft of light may fall between the test rays of a patch, hardly between those of its neighbours as well; and
     // where a neighbour sees less of a light, the edge of its shadow may reach over. So only patches among their like
     // go without a closer look.
-    std::vector<std::vector<LightRef>> spread = emitters, spread_entities = entities;
+    lists_ = emitters;
     const auto offer = [&](std::uint32_t to, std::uint32_t from) {
-        if (!receives(to)) return;
+        if (!receives(to) || !receives(from)) return;
         for (const LightRef& r : emitters[from]) {
-            const auto at = std::ranges::find(spread[to], r.light, &LightRef::light);
-            if (at == spread[to].end()) {
-                if (bound(to, r.light) >= threshold(to, r.light)) spread[to].push_back({r.light, true, kPenumbra});
-            } else if (r.samples != kClear) {
-                at->samples = kPenumbra;
-            }
+            const auto at = std::ranges::find(lists_[to], r.light, &LightRef::light);
+            if (at != lists_[to].end()) at->penumbra |= r.penumbra;
+            else if (form_factor_bound(to, r.light) >= threshold(to, r.light))
+                lists_[to].push_back({r.light, true, true, false, r.samples});
         }
-        for (LightRef& r : spread[to]) // the neighbour does not see it at all
-            if (receives(from) && std::ranges::find(emitters[from], r.light, &LightRef::light) == emitters[from].end())
-                r.samples = kPenumbra;
-        for (const LightRef& r : entities[from]) {
-            const auto at = std::ranges::find(spread_entities[to], r.light, &LightRef::light);
-            if (at != spread_entities[to].end() && at->samples != r.samples) at->samples = kPenumbra;
+        for (LightRef& r : lists_[to])
+            if (std::ranges::find(emitters[from], r.light, &LightRef::light) == emitters[from].end()) r.penumbra = true;
+    };
+    std::vector<std::vector<LightRef>> spread = entities;
+    const auto offer_entities = [&](std::uint32_t to, std::uint32_t from) {
+        for (LightRef& r : spread[to]) {
+            const auto at = std::ranges::find(entities[from], r.light, &LightRef::light);
+            if (at != entities[from].end() && (at->hidden != r.hidden || at->penumbra)) r.penumbra = true;
         }
     };
     for (const auto& [a, b] : edges_) {
         const std::uint32_t p = patches_.piece_patch[a], q = patches_.piece_patch[b];
-        if (p != q) offer(p, q), offer(q, p);
+        if (p != q) offer(p, q), offer(q, p), offer_entities(p, q), offer_entities(q, p);
     }
-    list_first_.assign(1, 0);
-    lists_.clear();
     for (std::size_t p = 0; p < n; ++p) {
-        std::ranges::sort(spread[p], {}, &LightRef::light);
-        lists_.insert(lists_.end(), spread[p].begin(), spread[p].end());
-        lists_.insert(lists_.end(), spread_entities[p].begin(), spread_entities[p].end());
-        list_first_.push_back(lists_.size());
+        std::ranges::sort(lists_[p], {}, &LightRef::light);
+        lists_[p].insert(lists_[p].end(), spread[p].begin(), spread[p].end());
     }
 }
 
-// Explicit light averaged over a footprint. Places and points on the light share one sequence, so that a light seen
-// from everywhere needs one ray and a penumbra gets up to `direct_samples`.
+std::vector<std::uint32_t> Bake::add_emitters(const std::vector<std::vector<std::uint32_t>>& found) {
+    std::vector<std::vector<LightRef>> more(lists_.size());
+    const auto add = [&](std::uint32_t p, std::uint32_t i) {
+        if (!receives(p) || listed(p, i)) return;
+        if (std::ranges::find(more[p], i, &LightRef::light) != more[p].end()) return;
+        const double share = kPi * mean(emitters_.emitters[i].radiance) * form_factor_bound(p, i) / 4 / std::max(estimate_[p], floor_);
+        more[p].push_back({i, true, true, false, penumbra_samples(share)});
+    };
+    for (std::uint32_t p = 0; p < found.size(); ++p)
+        for (const std::uint32_t i : found[p]) add(p, i);
+    for (const auto& [a, b] : edges_) {
+        const std::uint32_t p = patches_.piece_patch[a], q = patches_.piece_patch[b];
+        if (p == q) continue;
+        for (const std::uint32_t i : found[q])
+            if (form_factor_bound(p, i) >= threshold(p, i)) add(p, i);
+        for (const std::uint32_t i : found[p])
+            if (form_factor_bound(q, i) >= threshold(q, i)) add(q, i);
+    }
+    std::vector<std::uint32_t> changed;
+    for (std::uint32_t p = 0; p < more.size(); ++p) {
+        if (more[p].empty()) continue;
+        changed.push_back(p);
+        lists_[p].insert(lists_[p].end(), more[p].begin(), more[p].end());
+        std::ranges::sort(lists_[p], [](const LightRef& x, const LightRef& y) {
+            return std::pair(!x.is_emitter, x.light) < std::pair(!y.is_emitter, y.light);
+        });
+    }
+    return changed;
+}
+
+// Explicit light averaged over a footprint. Places and points on the light share one sequence.
 void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patch, std::uint64_t seed,
                      const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const {
     const Vec3 lift = normal * scene_.push_off();
-    for (std::uint64_t k = list_first_[patch]; k < list_first_[patch + 1]; ++k) {
-        const LightRef& ref = lists_[k];
+    const Vec3 centroid = footprint.centroid();
+    const bool flat_is_exact = dot(kernel.frame.n, normal) > 1 - 1e-9;
+    for (const LightRef& ref : lists_[patch]) {
         const Sobol points(mix(seed, ref.light, static_cast<std::uint64_t>(ref.is_emitter)));
-        // One sample of a light that is in full view stands in the middle: the light varies little, its gradient less.
-        const bool middle = ref.samples == 1 && footprint.whole_square();
-        std::uint32_t wanted = ref.samples, done = 0, seen = 0, tested = 0;
-        if (wanted == 1 && !middle) wanted = 2;
-        if (wanted == kPenumbra) wanted = quality_.direct_samples / 4;
-        KernelSum part;
-        while (done < wanted) {
-            for (; done < wanted; ++done) {
-                const Vec3 x = (middle && wanted == 1 ? footprint.centroid() : footprint.sample(points.pair(done, 0))) + lift;
-                if (ref.is_emitter) {
-                    const Emitter& e = emitters_.emitters[ref.light];
-                    const Vec3 off = e.normal * scene_.push_off();
-                    emitters_.sample(ref.light, x, normal, done, 1, points, 2e-4, [&](Vec3 y, Vec3 way, double omega) {
+        const auto place = [&](std::uint32_t index) { return footprint.sample(points.pair(index, 0)) + lift; };
+        // Light at one place, from `each` points at least of an emitter; `trace`: only what arrives, counted in `seen`.
+        std::uint32_t seen = 0, tested = 0;
+        const auto shine = [&](Vec3 x, std::uint32_t index, std::uint32_t each, bool trace, KernelSum* out) {
+            if (ref.is_emitter) {
+                const Emitter& e = emitters_.emitters[ref.light];
+                const Vec3 off = e.normal * scene_.push_off();
+                emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, [&](Vec3 y, Vec3 way, double solid, double irradiance) {
+                    if (trace) {
                         ++tested;
                         if (scene_.occluded(x, y + off)) return;
                         ++seen;
-                        kernel.add(part, way, e.radiance * omega);
-                    });
-                } else {
-                    const Light& light = lights_[ref.light];
-                    LightSample s;
-                    if (!sample_light(light, x, normal, points.pair(done, 2), &s)) continue;
-                    ++tested;
-                    if (!(s.distant ? scene_.reaches_sky(x, s.direction) : !scene_.occluded(x, s.position))) continue;
-                    ++seen;
-                    kernel.add(part, s.direction, s.weight);
-                    if (light.angle_scale < 1) kernel.add(part, normal, s.ambient);
-                }
+                    }
+                    if (!out) return;
+                    if (flat_is_exact) kernel.add(*out, way, e.radiance, solid, irradiance);
+                    else kernel.add(*out, way, e.radiance * solid);
+                });
+                return;
             }
-            // Some rays blocked and some not: an edge of shadow, go on. The rest of the choice was made by the patch, from
-            // other rays: were it made by these, shadow edges would lose the light of luxels hardly lit.
-            if (wanted < quality_.direct_samples && seen > 0 && (seen < tested || ref.samples == kUnlikely))
-                wanted = quality_.direct_samples;
+            const Light& light = lights_[ref.light];
+            LightSample s;
+            if (!sample_light(light, x, normal, points.pair(index, 2), &s)) return;
+            if (trace) {
+                ++tested;
+                if (!(s.distant ? scene_.reaches_sky(x, s.direction) : !scene_.occluded(x, s.position))) return;
+                ++seen;
+            }
+            if (!out) return;
+            kernel.add(*out, s.direction, s.weight);
+            if (light.angle_scale < 1) kernel.add(*out, normal, s.ambient);
+        };
+        if (!ref.penumbra) {
+            // In full view of the patch, or not seen at all: a few rays to make sure, more for a strong light. Where they
+            // agree there is no noise: the light is evaluated in the middle, its gradient cancels over the luxel.
+            const std::uint32_t checks = ref.samples <= 8 ? 1 : 4;
+            for (std::uint32_t k = 0; k < checks; ++k) shine(checks == 1 && !ref.hidden ? centroid + lift : place(k), k, 1, true, nullptr);
+            *rays += tested;
+            if (seen == (ref.hidden ? 0 : tested)) {
+                if (ref.hidden) continue;
+                if (footprint.whole_square()) {
+                    shine(centroid + lift, 0, 4, false, sum);
+                } else {
+                    KernelSum part;
+                    for (std::uint32_t k = 0; k < 4; ++k) shine(place(k), k, 1, false, &part);
+                    part *= 0.25;
+                    *sum += part;
+                }
+                continue;
+            }
+            seen = tested = 0;
         }
-        part *= 1.0 / done;
+        // A shadow edge. The number of rays follows from the patch's test rays, never from these: were it made by these,
+        // edges would lose the light of luxels hardly lit. A large or near emitter is many lights: fewer places, more
+        // points on it from each.
+        const bool near = ref.is_emitter && !emitters_.is_far(ref.light, centroid + lift, normal);
+        const std::uint32_t places = near ? std::min<std::uint32_t>(ref.samples, 4) : ref.samples;
+        const std::uint32_t each = near ? 2 * ref.samples / places : 1;
+        KernelSum part;
+        for (std::uint32_t k = 0; k < places; ++k) shine(place(k), k, each, true, &part);
+        part *= 1.0 / places;
         *sum += part;
         *rays += tested;
     }
 }
 
-void Bake::luxel_direct() {
-    const std::size_t n = surfaces_.luxels.size();
-    direct_.assign(n, {});
-    constexpr std::size_t kChunk = 64;
-    parallel_for(context_, "light: direct", (n + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+void Bake::luxel_direct(std::span<const std::uint32_t> patches) {
+    direct_.resize(surfaces_.luxels.size());
+    constexpr std::size_t kChunk = 16;
+    parallel_for(context_, "light: direct", (patches.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
         std::uint64_t rays = 0;
-        for (std::size_t i = chunk * kChunk; i < std::min(n, (chunk + 1) * kChunk); ++i) {
-            const auto l = static_cast<std::uint32_t>(i);
-            const Luxel& luxel = surfaces_.luxels[i];
-            if (luxel_patch_[i] == kNoPatch) continue;
-            const Footprint footprint = footprint_of_luxel(l);
-            if (footprint.empty()) continue;
-            direct_at(footprint, surfaces_.charts[luxel.chart.at()].n, luxel_patch_[i], seed_at(luxel_centroid(luxel), 3),
-                      kernel_of(l), &direct_[i], &rays);
-        }
+        for (const std::uint32_t p : patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk)))
+            for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
+                const std::uint32_t l = patch_luxels_[k];
+                const Luxel& luxel = surfaces_.luxels[l];
+                direct_[l] = {};
+                const Footprint footprint = footprint_of_luxel(l);
+                if (footprint.empty()) continue;
+                direct_at(footprint, surfaces_.charts[luxel.chart.at()].n, p, seed_at(luxel_centroid(luxel), 3),
+                          kernel_of(l), &direct_[l], &rays);
+            }
         shadow_rays_ += rays;
     });
 }
@@ -236,7 +309,7 @@ std::vector<Rgbd> Bake::patch_direct() {
         }
         const Patch& patch = patches_.patches[p];
         const Footprint footprint = footprint_of_patch(p);
-        if (footprint.empty() || list_first_[p] == list_first_[p + 1]) continue;
+        if (footprint.empty() || lists_[p].empty()) continue;
         LuxelKernel kernel;
         const Vec3 normal = surfaces_.faces[patch.face.at()].normal;
         kernel.frame = frame_around(normal);

@@ -4,6 +4,7 @@
 // sampled. An emitter that is large against its distance is bisected until its parts are not.
 #pragma once
 #include "compiler/light/field.h"
+#include "compiler/light/lambert.h"
 #include "libs/sampling/sobol.h"
 
 namespace kiln {
@@ -39,23 +40,33 @@ public:
     // solid angle over pi.
     double form_factor(std::uint32_t emitter, Vec3 x, Vec3 n) const;
 
-    // Points to test for visibility. Calls visit(point on the emitter, unit direction, solid angle): the solid angles
-    // are such that sum of solid angle * cosine is the exact form factor times pi, per part of the emitter.
+    // Points to test for visibility. Calls visit(point on the emitter, unit direction, solid angle, irradiance): what the
+    // point stands for, per unit radiance. The irradiances of each part of the emitter add up to pi times its exact form
+    // factor, which solid angle * cosine does not; but irradiance / cosine has no bound near the horizon, so kernels
+    // that do not fall with the cosine want the solid angle. For a zero normal both are the solid angle.
     // `samples`: at least this many points in all (power of two), indices first..first+samples of `points`,
     // dimensions (2,3). `share_limit`: parts below this form factor are not split further.
     template <class Visit>
     void sample(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples, const Sobol& points,
                 double share_limit, const Visit& visit) const;
 
+    // So far away and so high above the horizon of x that it need not be split.
+    bool is_far(std::uint32_t emitter, Vec3 x, Vec3 n) const {
+        const Emitter& e = emitters[emitter];
+        const Vec3 to = e.center - x;
+        return dot(to, to) > 9 * e.radius * e.radius && (n == Vec3{} || dot(n, to) > e.radius);
+    }
     Vec3 point_on(std::uint32_t emitter, Vec2 u) const; // uniform by area
 
 private:
     template <class Visit>
     void sample_part(const Emitter& e, std::array<Vec3, 3> part, int depth, Vec3 x, Vec3 n, std::uint32_t first,
-                     std::uint32_t samples, const Sobol& points, std::uint32_t& serial, double share_limit,
+                     double per_factor, const Sobol& points, std::uint32_t& serial, double share_limit,
                      const Visit& visit) const;
 };
 
+// The part of a triangle above the horizon of x: a polygon of the returned number of corners (0, 3 or 4).
+std::size_t clip_to_horizon(Vec3 x, Vec3 n, const std::array<Vec3, 3>& triangle, std::array<Vec3, 4>* polygon);
 double triangle_form_factor(Vec3 x, Vec3 n, const std::array<Vec3, 3>& triangle);
 
 template <class Visit>
@@ -64,9 +75,7 @@ void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first
     const Emitter& e = emitters[index];
     if (dot(e.normal, x) - e.distance <= 0) return;
     const bool free = n == Vec3{};
-    const Vec3 to = e.center - x;
-    if (dot(to, to) > 4 * e.radius * e.radius * 2.25 && (free || dot(n, to) > e.radius)) {
-        // Far and wholly above the horizon: one part.
+    if (is_far(index, x, n)) { // one part
         const double factor = form_factor(index, x, n);
         if (!(factor > 0)) return;
         double sum = 0;
@@ -83,24 +92,33 @@ void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first
             sum += omega[i] * (free ? 1 : std::max(0.0, dot(ways[i], n)));
         }
         if (!(sum > 0)) return;
-        const double scale = factor * 3.14159265358979323846 / sum;
+        const double scale = factor * 3.14159265358979323846 / sum, area = e.area / samples;
         for (std::uint32_t i = 0; i < samples; ++i)
-            if (omega[i] > 0) visit(ys[i], ways[i], omega[i] * scale);
+            if (omega[i] > 0) visit(ys[i], ways[i], omega[i] * area, omega[i] * scale * (free ? 1 : dot(ways[i], n)));
         return;
     }
     std::uint32_t serial = 0;
+    // Parts get samples by their share, and what has little share is not split for long.
+    const double total = form_factor(index, x, n);
+    if (!(total > 0)) return;
+    const double per_factor = samples / total;
+    share_limit = std::max(share_limit, 0.5 * total / std::max(samples, 8u));
     for (std::uint32_t t = 0; t < e.triangle_count; ++t) {
         const EmitterTriangle& tri = triangles[e.first_triangle + t];
-        sample_part(e, {tri.a, tri.b, tri.c}, 0, x, n, first, samples, points, serial, share_limit, visit);
+        // Cut at the horizon first: a point drawn below it would throw away what the part above it sends.
+        std::array<Vec3, 4> above{tri.a, tri.b, tri.c};
+        std::size_t count = 3;
+        if (!free) count = clip_to_horizon(x, n, {tri.a, tri.b, tri.c}, &above);
+        for (std::size_t i = 1; i + 1 < count; ++i)
+            sample_part(e, {above[0], above[i], above[i + 1]}, 0, x, n, first, per_factor, points, serial, share_limit, visit);
     }
 }
 
 template <class Visit>
 void EmitterSet::sample_part(const Emitter& e, std::array<Vec3, 3> part, int depth, Vec3 x, Vec3 n,
-                             std::uint32_t first, std::uint32_t samples, const Sobol& points, std::uint32_t& serial,
+                             std::uint32_t first, double per_factor, const Sobol& points, std::uint32_t& serial,
                              double share_limit, const Visit& visit) const {
     const bool free = n == Vec3{};
-    if (!free && dot(part[0] - x, n) <= 0 && dot(part[1] - x, n) <= 0 && dot(part[2] - x, n) <= 0) return;
     const double factor = triangle_form_factor(x, n, part);
     if (!(factor > 0)) return;
     const std::array<Vec3, 3> side{part[1] - part[0], part[2] - part[1], part[0] - part[2]};
@@ -112,16 +130,16 @@ void EmitterSet::sample_part(const Emitter& e, std::array<Vec3, 3> part, int dep
     if (depth < 12 && factor > share_limit && dot(side[longest], side[longest]) > dot(mid, mid)) {
         const std::size_t i = longest, j = (i + 1) % 3, k = (i + 2) % 3;
         const Vec3 m = (part[i] + part[j]) * 0.5;
-        sample_part(e, {part[i], m, part[k]}, depth + 1, x, n, first, samples, points, serial, share_limit, visit);
-        sample_part(e, {m, part[j], part[k]}, depth + 1, x, n, first, samples, points, serial, share_limit, visit);
+        sample_part(e, {part[i], m, part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit, visit);
+        sample_part(e, {m, part[j], part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit, visit);
         return;
     }
     // Parts share one point set, shifted (Cranley-Patterson) by the part's number.
     const double shift_u = serial * 0.7548776662466927, shift_v = serial * 0.5698402909980532;
     ++serial;
-    double sum = 0;
-    constexpr std::uint32_t kMost = 4; // a part is only one of many
-    const std::uint32_t count = std::min(samples, kMost);
+    double sum = 0, all = 0;
+    constexpr std::uint32_t kMost = 64;
+    const auto count = static_cast<std::uint32_t>(std::clamp(std::ceil(per_factor * factor), 1.0, 1.0 * kMost));
     std::array<Vec3, kMost> ys, ways;
     std::array<double, kMost> omega{};
     for (std::uint32_t i = 0; i < count; ++i) {
@@ -134,12 +152,13 @@ void EmitterSet::sample_part(const Emitter& e, std::array<Vec3, 3> part, int dep
         ways[i] = d / std::sqrt(r2);
         const double cosine = free ? 1 : dot(ways[i], n);
         if (cosine > 0) omega[i] = std::max(0.0, -dot(ways[i], e.normal)) / r2;
-        sum += omega[i] * std::max(0.0, cosine);
+        sum += omega[i] * std::max(0.0, cosine), all += omega[i];
     }
-    if (!(sum > 0)) return; // all points below the horizon: the part is a sliver of light there
+    if (!(sum > 0)) return; // only by rounding: the part lies in the horizon
     const double scale = factor * 3.14159265358979323846 / sum;
+    const double solid = free ? scale : solid_angle(x, part[0], part[1], part[2]) / all;
     for (std::uint32_t i = 0; i < count; ++i)
-        if (omega[i] > 0) visit(ys[i], ways[i], omega[i] * scale);
+        if (omega[i] > 0) visit(ys[i], ways[i], omega[i] * solid, omega[i] * scale * (free ? 1 : dot(ways[i], n)));
 }
 
 // What one light entity sends to x: `weight` is irradiance on a plane facing `direction`. False: nothing.

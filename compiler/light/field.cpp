@@ -1,6 +1,5 @@
 // The baked scene asked for incoming light at any point.
-#include "compiler/light/field_data.h"
-#include "libs/sampling/maps.h"
+#include "compiler/light/path_tracer.h"
 #include <numbers>
 
 namespace kiln {
@@ -8,6 +7,8 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 // Directions for kernels that need not fall with the cosine: see HemisphereMap.
 constexpr HemisphereMap kFieldMap{0.6};
+constexpr double kNearLuxels = 1.5;
+constexpr std::uint32_t kTestRays = 16; // towards an emitter, before the bundle is trusted with it
 } // namespace
 
 Rgbd LightField::Data::reflected(const SceneHit& hit) const {
@@ -16,12 +17,33 @@ Rgbd LightField::Data::reflected(const SceneHit& hit) const {
     if (face.chart.valid()) {
         const Chart& chart = surfaces.charts[face.chart.at()];
         const std::uint32_t texel = index.texel_at(chart, hit.position);
-        if (lighting.patch_index[texel] < kMixedPatch && lighting.valid[texel] == 1)
-            return static_cast<Rgbd>(texel_reflected[texel]);
+        if (lighting.patch_index[texel] < kMixedPatch && lighting.valid[texel] == 1) {
+            // Bilinear between luxels that were baked and belong to one patch.
+            const Vec3 p = hit.position - chart.origin;
+            const double x = dot(p, chart.s) / chart.luxel_size - 0.5, y = dot(p, chart.t) / chart.luxel_size - 0.5;
+            const double x0 = std::floor(x), y0 = std::floor(y);
+            Rgbd sum;
+            double weight = 0;
+            for (int j = 0; j < 2; ++j)
+                for (int i = 0; i < 2; ++i) {
+                    const double u = x0 + i, v = y0 + j;
+                    if (u < 0 || v < 0 || u >= chart.width || v >= chart.height) continue;
+                    const std::size_t t = chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u);
+                    if (lighting.valid[t] != 1 || lighting.patch_index[t] >= kMixedPatch) continue;
+                    const double w = (i ? x - x0 : 1 - x + x0) * (j ? y - y0 : 1 - y + y0);
+                    sum += static_cast<Rgbd>(texel_reflected[t]) * w, weight += w;
+                }
+            if (weight > 0) return sum / weight;
+        }
         const std::uint32_t piece = index.piece_at(hit.face, chart, hit.position);
         patch = piece == UINT32_MAX ? kNoPatch : lighting.piece_patch[piece];
     }
     return patch == kNoPatch ? Rgbd{} : static_cast<Rgbd>(patch_reflected[patch]);
+}
+
+bool LightField::Data::is_near(const SceneHit& hit) const {
+    const ChartId chart = surfaces.faces[hit.face.at()].chart;
+    return chart.valid() && hit.distance < kNearLuxels * surfaces.charts[chart.at()].luxel_size;
 }
 
 std::uint32_t LightField::Data::emitter(const SceneHit& hit, Vec3 direction) const {
@@ -88,6 +110,7 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
 
 void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const {
     const Data& d = *data_;
+    const PathTracer tracer{d};
     const bool free = normal == Vec3{};
     const Vec3 x = d.origin_at(point, normal);
     rays = std::max(rays, 4u);
@@ -117,14 +140,18 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
             radiance[i] = d.sky;
         } else if (!hits[i]->back) {
             emitter[i] = d.emitter(*hits[i], directions[i]);
-            radiance[i] = d.reflected(*hits[i]);
+            Random random(mix(seed, i, std::uint64_t{25}));
+            radiance[i] = d.is_near(*hits[i]) ? tracer.reflected(*hits[i], directions[i], random, true) : d.reflected(*hits[i]);
             if (emitter[i] != UINT32_MAX) total += d.emitters.emitters[emitter[i]].radiance * (solid[i] * k);
         }
         total += radiance[i] * (solid[i] * k);
     }
-    // Emitters whose light would be noisy in the bundle get rays of their own, if a few test rays see them at all.
+    // Emitters whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see them
+    // at all.
     const double e = mean(total), background = e / kPi;
-    std::vector<std::uint8_t> listed(d.emitters.emitters.size());
+    std::vector<std::uint8_t> listed(d.emitters.emitters.size()), met(listed.size());
+    for (const std::uint32_t i : emitter)
+        if (i != UINT32_MAX) met[i] = 1;
     const std::uint32_t samples = std::clamp(rays / 32, 4u, 64u);
     for (std::uint32_t i = 0; i < listed.size(); ++i) {
         const Emitter& emitter_i = d.emitters.emitters[i];
@@ -136,13 +163,14 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         if (factor <= std::min(0.5, least * least)) continue;
         const Vec3 off = emitter_i.normal * d.scene.push_off();
         const Sobol test(mix(seed, i, std::uint64_t{23})), light(mix(seed, i, std::uint64_t{24}));
-        for (std::uint32_t k = 0; k < 16 && !listed[i]; ++k) {
+        listed[i] = met[i];
+        for (std::uint32_t k = 0; k < kTestRays && !listed[i]; ++k) {
             const Vec3 y = d.emitters.point_on(i, test.pair(k, 0)) + off;
             if (!free && dot(y - x, normal) <= 0) continue;
             listed[i] = !d.scene.occluded(x, y);
         }
         if (!listed[i]) continue;
-        d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, [&](Vec3 y, Vec3 way, double omega) {
+        d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, [&](Vec3 y, Vec3 way, double omega, double) {
             if (!d.scene.occluded(x, y + off)) arrival(way, emitter_i.radiance * omega);
         });
     }

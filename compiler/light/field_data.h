@@ -17,6 +17,8 @@ struct LightField::Data {
 
     // Radiance reflected at a hit: the luxel's, or the patch's where a texel is shared by several.
     Rgbd reflected(const SceneHit& hit) const;
+    // Is a hit so close to where its ray began that the light of its luxel is no good answer?
+    bool is_near(const SceneHit& hit) const;
     // The emitter that shines from a hit, seen from its front; UINT32_MAX: none.
     std::uint32_t emitter(const SceneHit& hit, Vec3 direction) const;
     // Where rays from a point on a surface start: pushed off the face it lies on, wherever the given point was rounded to.

@@ -84,34 +84,71 @@ Vec2 Guide::sample(Vec2 u, double* density) const {
     return {sx, sy};
 }
 
+// From the bundles of the row and of the patches next to it in the same plane, whose directions mean the same: a spot
+// that the patch's own rays missed is rarely missed by all of them.
 void Bake::patch_guide(std::uint32_t p, const HemisphereMap& map, Guide* guide) const {
     guide->clear();
-    const Sobol points(seed_at(patches_.patches[p].centroid, 1)); // the bundle of trace_rows
     const std::uint32_t m = quality_.row_rays;
-    for (std::uint32_t i = 0; i < m; ++i) {
-        const std::uint32_t hit = hits_[static_cast<std::size_t>(p) * m + i];
-        double light = 0;
-        std::uint32_t emitter = UINT32_MAX;
-        if (is_patch(hit)) {
-            light = luminance(static_cast<Rgbd>(reflected_.patch[hit]));
-            emitter = patch_emitter_[hit];
-        } else if (hit < kHitBlack) {
-            emitter = hit & ~kHitEmitter;
+    const auto add = [&](std::uint32_t from, double weight) {
+        const Sobol points(seed_at(patches_.patches[from].centroid, 1)); // the bundle of trace_rows
+        for (std::uint32_t i = 0; i < m; ++i) {
+            const std::uint32_t hit = hits_[static_cast<std::size_t>(from) * m + i];
+            double light = 0;
+            std::uint32_t emitter = UINT32_MAX;
+            if (is_patch(hit)) {
+                light = luminance(static_cast<Rgbd>(reflected_.patch[hit]));
+                emitter = patch_emitter_[hit];
+            } else if (hit < kHitBlack) {
+                emitter = hit & ~kHitEmitter;
+            }
+            if (emitter != UINT32_MAX && !listed(p, emitter)) light += luminance(emitters_.emitters[emitter].radiance);
+            if (light > 0) guide->add(map.from_cosine(points.pair(i, 0)), weight * light);
         }
-        if (emitter != UINT32_MAX && !listed(p, emitter)) light += luminance(emitters_.emitters[emitter].radiance);
-        if (light > 0) guide->add(map.from_cosine(points.pair(i, 0)), light);
-    }
+    };
+    add(p, 1);
+    for (const std::uint32_t q : neighbours_[p])
+        if (receives(q)) add(q, 0.5);
     guide->build();
 }
 
-LuxelGather Bake::gather(std::uint32_t l, const Guide& guide, const HemisphereMap& map, std::uint32_t rays,
-                         std::uint64_t seed, const ReflectedLight* coarse, Rgbd* coarse_flat) const {
+// Radiance reflected at a hit. One close by lies where light may vary within a luxel and much within a patch (the other
+// wall of a corner, a crevice): there the direct light of the luxel is kept and the rest taken one bounce further on.
+Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, int depth) const {
+    constexpr double kNearLuxels = 1.5;
+    constexpr int kNearBounces = 4;
+    const Face& face = surfaces_.faces[hit.face.at()];
+    if (depth < kNearBounces && face.chart.valid()) {
+        const Chart& chart = surfaces_.charts[face.chart.at()];
+        if (hit.distance < kNearLuxels * chart.luxel_size) {
+            const std::uint32_t texel = index_.texel_at(chart, hit.position), patch = patches_.texel_patch[texel];
+            if (patch < kMixedPatch) {
+                const Vec3 n = dot(face.normal, came) < 0 ? face.normal : -face.normal;
+                const double u = random(), v = random();
+                const Vec3 way = frame_around(n).world(cosine_hemisphere({u, v}));
+                const std::optional<SceneHit> next = scene_.closest(hit.position + n * scene_.push_off(), way);
+                Rgbd radiance;
+                if (!next) {
+                    radiance = sky_radiance(lights_);
+                } else if (!next->back) {
+                    radiance = reflected_at(*next, way, random, light, depth + 1);
+                    const std::uint32_t e = emitters_.of_face[next->face.at()];
+                    if (e != UINT32_MAX && !listed(patch, e)) radiance += emitters_.emitters[e].radiance;
+                }
+                return static_cast<Rgbd>(light.direct[texel]) + static_cast<Rgbd>(patches_.patches[patch].reflectance) * radiance;
+            }
+        }
+    }
+    return reflected_radiance(surfaces_, index_, patches_, light, hit);
+}
+
+LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map, std::uint32_t rays,
+                         std::uint64_t seed, std::vector<std::uint32_t>* met, const ReflectedLight* coarse,
+                         Rgbd* coarse_flat) const {
     LuxelGather out;
     const Luxel& luxel = surfaces_.luxels[l];
     const Footprint footprint = footprint_of_luxel(l);
     if (footprint.empty()) return out;
     const std::uint32_t patch = luxel_patch_[l];
-    const LuxelKernel kernel = kernel_of(l);
     const Vec3 normal = surfaces_.charts[luxel.chart.at()].n;
     const Frame frame = frame_around(normal);
     const Vec3 lift = normal * scene_.push_off();
@@ -131,6 +168,22 @@ LuxelGather Bake::gather(std::uint32_t l, const Guide& guide, const HemisphereMa
     }
     scene_.closest(origins, directions, found);
     out.hits.rays = rays;
+    // Emitters without rays of their own that the bundle met more of than it should have.
+    thread_local std::vector<std::uint32_t> unlisted, heavy;
+    unlisted.clear(), heavy.clear();
+    for (const auto& hit : found) {
+        if (!hit || hit->back) continue;
+        const std::uint32_t e = emitters_.of_face[hit->face.at()];
+        if (e != UINT32_MAX && !listed(patch, e)) unlisted.push_back(e);
+    }
+    if (met && !unlisted.empty()) {
+        std::ranges::sort(unlisted);
+        for (std::size_t i = 0, k = 0; i < unlisted.size(); i = k) {
+            while (k < unlisted.size() && unlisted[k] == unlisted[i]) ++k;
+            if (static_cast<double>(k - i) / rays >= threshold(patch, unlisted[i])) heavy.push_back(unlisted[i]);
+        }
+        met->insert(met->end(), heavy.begin(), heavy.end());
+    }
     // Besides the sums, what a regression on the known integral of the kernels needs (unit radiance as control).
     std::array<double, 4> unit{};
     Rgbd cross_sum;
@@ -145,14 +198,15 @@ LuxelGather Bake::gather(std::uint32_t l, const Guide& guide, const HemisphereMa
         } else if (found[i]->back) {
             ++out.hits.back;
         } else {
-            radiance = reflected_radiance(surfaces_, index_, patches_, reflected_, *found[i]);
+            Random random(mix(seed, i)), same = random;
+            radiance = reflected_at(*found[i], directions[i], random, reflected_, 0);
             Rgbd emitted;
             const std::uint32_t emitter = emitters_.of_face[found[i]->face.at()];
-            if (emitter != UINT32_MAX && !listed(patch, emitter)) emitted = emitters_.emitters[emitter].radiance;
+            if (emitter != UINT32_MAX && !listed(patch, emitter) && !std::ranges::binary_search(heavy, emitter))
+                emitted = emitters_.emitters[emitter].radiance;
             radiance += emitted;
             if (coarse)
-                *coarse_flat += (reflected_radiance(surfaces_, index_, patches_, *coarse, *found[i]) + emitted) *
-                                (weights[i] * k[0] / rays);
+                *coarse_flat += (reflected_at(*found[i], directions[i], same, *coarse, 0) + emitted) * (weights[i] * k[0] / rays);
         }
         const double w = weights[i];
         const Rgbd flat = radiance * (w * k[0]);
@@ -188,14 +242,48 @@ LuxelGather Bake::gather(std::uint32_t l, const Guide& guide, const HemisphereMa
     return out;
 }
 
+// Rays per patch such that the rRMSE of noise is `wanted` at the least cost. With noise falling as N^-0.65, N goes with
+// the 0.87th power of the noise that the first pass found (Lagrange).
+void Bake::share_rays(double wanted) {
+    constexpr double kRate = 0.65, kSpread = 1.35; // quarters of a sequence scatter more than its whole promises
+    const double power = 2 / (1 + 2 * kRate);
+    double area = 0, sum = 0;
+    std::vector<double> single(rays_.size());
+    for (std::size_t p = 0; p < rays_.size(); ++p) {
+        double a = 0;
+        for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
+            const Luxel& l = surfaces_.luxels[patch_luxels_[k]];
+            const double size = surfaces_.charts[l.chart.at()].luxel_size;
+            a += l.area * size * size;
+        }
+        // Noise comes in rare large strokes, so a patch is no quieter than its neighbours on the average.
+        double variance = noise_[p];
+        for (const std::uint32_t q : neighbours_[p]) variance += noise_[q];
+        variance = std::max(noise_[p], variance / static_cast<double>(1 + neighbours_[p].size()));
+        single[p] = std::sqrt(variance) / kSpread * std::pow(quality_.first_rays, kRate); // of a single ray
+        area += a, sum += a * std::pow(single[p], 2 - 2 * kRate * power);
+    }
+    if (!(area > 0) || !(sum > 0)) return;
+    // sum a s^2 (c s^power)^(-2 rate) = area wanted^2
+    const double c = std::pow(sum / (area * wanted * wanted), 1 / (2 * kRate));
+    for (std::size_t p = 0; p < rays_.size(); ++p) {
+        const double n = c * std::pow(single[p], power);
+        std::uint32_t rays = quality_.first_rays;
+        while (rays < quality_.most_rays && rays * 1.41 < n) rays *= 2;
+        rays_[p] = rays;
+    }
+}
+
 // Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no reference
 // needed; the same rays looked up in patches of twice the size show how much the patches still matter.
-Bake::PilotResult Bake::pilot(std::uint32_t rays, std::uint32_t one_in) {
+Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
     constexpr std::uint32_t kReplicates = 4;
+    constexpr int kNormals = 6;
+    constexpr double kTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30
     std::vector<std::uint32_t> chosen;
     for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
         if (luxel_patch_[l] != kNoPatch && seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0) chosen.push_back(l);
-    struct Result { std::array<Rgbd, kReplicates> value; Rgbd fine, coarse; double area = 0; };
+    struct Result { std::array<Rgbd, kReplicates> value, direct; Rgbd fine, coarse; double area = 0, representation = 0; };
     std::vector<Result> results(chosen.size());
     constexpr std::size_t kChunk = 8;
     parallel_for(context_, "light: pilot", (chosen.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
@@ -211,14 +299,34 @@ Bake::PilotResult Bake::pilot(std::uint32_t rays, std::uint32_t one_in) {
             for (std::uint32_t r = 0; r < kReplicates; ++r) {
                 const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
                 Rgbd coarse;
-                const LuxelGather g = gather(l, guide, map, rays, seed, &coarse_, &coarse);
+                const LuxelGather g = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse);
                 KernelSum direct;
                 std::uint64_t shadow = 0;
                 direct_at(footprint, chart.n, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow);
-                results[i].value[r] = g.sum.flat + direct.flat;
+                results[i].value[r] = g.sum.flat + direct.flat, results[i].direct[r] = direct.flat;
                 results[i].fine += g.sum.flat / kReplicates, results[i].coarse += coarse / kReplicates;
             }
             results[i].area = luxel.area * chart.luxel_size * chart.luxel_size;
+            if (!kernel.cone || chart.smooth) continue;
+            // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
+            const auto light = [&](const LuxelKernel& k) {
+                KernelSum sum = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr).sum;
+                std::uint64_t shadow = 0;
+                direct_at(footprint, chart.n, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &sum, &shadow);
+                return sum;
+            };
+            const KernelSum base = light(kernel);
+            const std::array<Rgb, 3> stored = kernel.finish(base);
+            for (int k = 0; k < kNormals; ++k) {
+                const SinCos turn = sincos_turns((k + 0.5) / kNormals);
+                const Vec3 n{kTilt * turn.cos, kTilt * turn.sin, std::sqrt(1 - kTilt * kTilt)};
+                const Vec3 world = kernel.frame.world(n);
+                LuxelKernel tilted;
+                tilted.frame = frame_around(world);
+                const double truth = mean(light(tilted).flat), shown = mean(rnm_evaluate(kernel.encoding, stored, n));
+                const double scale = std::max(truth, floor_);
+                if (scale > 0) results[i].representation += (shown - truth) * (shown - truth) / (scale * scale * kNormals);
+            }
         }
     });
     PilotResult out;
@@ -230,17 +338,23 @@ Bake::PilotResult Bake::pilot(std::uint32_t rays, std::uint32_t one_in) {
     }
     if (!(area > 0)) return out;
     mean_value = mean_value / area;
-    out.mean = mean(mean_value);
-    double noise = 0, noise2 = 0, bias = 0, bias2 = 0;
+    double noise = 0, noise2 = 0, bias = 0, bias2 = 0, direct = 0;
+    const auto spread = [](const std::array<Rgbd, kReplicates>& values, std::size_t c, double* m) {
+        double s = 0;
+        *m = 0;
+        for (const Rgbd& v : values) *m += v[c] / kReplicates;
+        for (const Rgbd& v : values) s += (v[c] - *m) * (v[c] - *m) / (kReplicates - 1);
+        return s;
+    };
     for (const Result& r : results) {
         double variance = 0, shift = 0;
         for (std::size_t c = 0; c < 3; ++c) {
-            double m = 0, s = 0;
-            for (const Rgbd& v : r.value) m += v[c] / kReplicates;
-            for (const Rgbd& v : r.value) s += (v[c] - m) * (v[c] - m) / (kReplicates - 1);
+            double m = 0, unused = 0;
+            const double s = spread(r.value, c, &m);
             const double scale = std::max(m, options_.error_floor * mean_value[c]);
             if (!(scale > 0)) continue;
             variance += s / (scale * scale) / 3;
+            direct += r.area * spread(r.direct, c, &unused) / (scale * scale) / 3;
             // Error falls with the square of the patch size: the difference to twice the size is three times it.
             const double d = (r.coarse[c] - r.fine[c]) / (3 * scale);
             shift += d * d / 3;
@@ -249,49 +363,58 @@ Bake::PilotResult Bake::pilot(std::uint32_t rays, std::uint32_t one_in) {
         bias += shift * r.area, bias2 += shift * shift * r.area;
     }
     const double n = static_cast<double>(results.size());
-    noise /= area, bias /= area;
+    double shown = 0;
+    for (const Result& r : results) out.representation += r.representation * r.area, shown += r.representation > 0 ? r.area : 0;
+    if (shown > 0) out.representation = std::sqrt(out.representation / shown);
+    noise /= area, bias /= area, direct /= area;
     out.noise = std::sqrt(noise), out.bias = std::sqrt(bias);
+    out.direct = std::sqrt(direct), out.gather = std::sqrt(std::max(0.0, noise - direct));
     out.noise_se = std::sqrt(std::max(0.0, noise2 / area - noise * noise) / n);
     out.bias_se = std::sqrt(std::max(0.0, bias2 / area - bias * bias) / n);
     return out;
 }
 
-void Bake::gather_all() {
+// All luxels of the patches. Emitters met by surprise are returned, per patch, and left out of the result, which then is
+// to be done again for those patches; not in the last pass. The first pass notes the noise; the others use other rays:
+// what decided that a place is noisy must not be part of its value.
+std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std::uint32_t> patches, Pass pass) {
     constexpr std::size_t kChunk = 16; // patches: their luxels share a guide
-    const std::size_t n = patches_.patches.size();
-    std::vector<HitCounts> counts((n + kChunk - 1) / kChunk);
-    std::vector<std::uint8_t> covered(surfaces_.luxels.size());
+    std::vector<HitCounts> counts((patches.size() + kChunk - 1) / kChunk);
+    std::vector<std::vector<std::uint32_t>> found(patches_.patches.size());
     parallel_for(context_, "light: gather", counts.size(), [&](std::size_t chunk) {
         Guide guide;
-        for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
+        for (const std::uint32_t p : patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
             bool built = false;
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
                 const Luxel& luxel = surfaces_.luxels[l];
                 const Chart& chart = surfaces_.charts[luxel.chart.at()];
                 const HemisphereMap map = map_of(l);
-                if (!built) patch_guide(static_cast<std::uint32_t>(p), map, &guide), built = true;
-                const LuxelGather g = gather(l, guide, map, gather_rays_, seed_at(luxel_centroid(luxel), 4));
+                if (!built) patch_guide(p, map, &guide), built = true;
+                const LuxelKernel kernel = kernel_of(l);
+                const LuxelGather g = gather(l, kernel, guide, map, rays_[p], seed_at(luxel_centroid(luxel), pass == Pass::first ? 4 : 7), pass == Pass::last ? nullptr : &found[p]);
                 counts[chunk] += g.hits;
                 const std::size_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
                 // Inside something that the exact geometry does not know to be solid (a brush model in a wall): filled
                 // from the neighbours.
-                if (g.hits.back * 2 > g.hits.rays) {
-                    covered[l] = 1;
-                    continue;
-                }
+                if (g.hits.back * 2 > g.hits.rays) continue;
                 KernelSum sum = direct_[l];
                 sum += g.sum;
                 out_.flat[texel] = static_cast<Rgb>(sum.flat);
                 out_.valid[texel] = 1;
-                const double e = mean(sum.flat);
+                const double e = mean(sum.flat), scale = std::max(e, floor_);
+                if (pass == Pass::first && scale > 0) noise_[p] += g.variance / (scale * scale) / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
                 out_.texel_error[texel] = e > 0 ? static_cast<float>(std::sqrt(g.variance) / e) : 0;
                 if (cones_[luxel.chart.at()])
-                    out_.rnm[out_.rnm_first[luxel.chart.at()] + (texel - chart.first_texel)] = kernel_of(l).finish(sum);
+                    out_.rnm[out_.rnm_first[luxel.chart.at()] + (texel - chart.first_texel)] = kernel.finish(sum);
             }
+            std::ranges::sort(found[p]);
+            const auto same = std::ranges::unique(found[p]);
+            found[p].erase(same.begin(), same.end());
         }
     });
     for (const HitCounts& c : counts) counts_ += c;
+    return found;
 }
 
 } // namespace kiln

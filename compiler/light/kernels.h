@@ -73,6 +73,15 @@ struct LuxelKernel {
         if (!cone) return;
         for (std::size_t i = 0; i < 3; ++i) sum.rnm[i] += weight * k[i + 1];
     }
+    // The same where the irradiance on the flat normal is known better than solid angle times cosine would say.
+    void add(KernelSum& sum, Vec3 direction, Rgbd radiance, double solid, double irradiance) const {
+        std::array<double, 4> k = values(direction);
+        sum.flat += radiance * irradiance;
+        if (!cone) return;
+        // The dot form has the flat part in it: sum of l_i / sqrt 3 must stay E(z).
+        const double shift = encoding == RnmEncoding::dot ? (irradiance - solid * k[0]) / std::sqrt(3.0) : 0;
+        for (std::size_t i = 0; i < 3; ++i) sum.rnm[i] += radiance * (k[i + 1] * solid + shift);
+    }
     // From the sums to what is stored.
     std::array<Rgb, 3> finish(const KernelSum& sum) const;
 };

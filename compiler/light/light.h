@@ -3,8 +3,9 @@
 //
 // In       world, bsp, surfaces, lights
 // Out      per texel irradiance-like values (E without albedo, without 1/pi), patch radiosity, error estimate
-// Errors   fault `no-charts` never: an empty world gives empty tables; cancelled
-// Source   ALGORITHMS-style study: method, measurements and limits in NOTES.md
+// Errors   none of its own: a world without charts gives empty tables
+// Source   C. Goral et al., "Modeling the Interaction of Light Between Diffuse Surfaces", SIGGRAPH 1984; rows by rays and the
+//          guided gather, with their measurements and limits: NOTES.md
 #pragma once
 #include "compiler/light/lights.h"
 #include "compiler/surfaces/surfaces.h"
@@ -54,10 +55,10 @@ struct Lighting {
     ErrorReport error;
     std::uint64_t rays = 0, escaped_rays = 0, back_face_rays = 0;
     std::uint32_t iterations = 0;
-    std::uint32_t gather_rays = 0;   // per luxel, as the error target asked
+    std::uint32_t gather_rays = 0;   // per luxel, mean
     template <class A> void fields(A& a) {
-        a(encoding, patches, radiosity, patch_index, piece_patch, face_patch, gather_rays, flat, valid, chart_directional, rnm_first, rnm, texel_error, error,
-          rays, escaped_rays, back_face_rays, iterations);
+        a(encoding, patches, radiosity, patch_index, piece_patch, face_patch, flat, valid, chart_directional, rnm_first, rnm,
+          texel_error, error, rays, escaped_rays, back_face_rays, iterations, gather_rays);
     }
 };
 Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,

@@ -283,8 +283,17 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
 void Footprint::add(Vec3 corner, Vec3 u, Vec3 v, bool parallelogram) {
     const double a = length(cross(u, v)) * (parallelogram ? 1 : 0.5);
     if (!(a > 0)) return;
-    const Vec3 center = corner + (u + v) * (parallelogram ? 0.5 : 1.0 / 3);
-    cells_.push_back({center + (corner - center) * kInset, u * kInset, v * kInset, area() + a, parallelogram});
+    const double lu = length(u), lv = length(v), sum = area() + a;
+    if (parallelogram) {
+        const double su = std::clamp(1 - 2 * margin_ * lv / a, 0.0, kInset), sv = std::clamp(1 - 2 * margin_ * lu / a, 0.0, kInset);
+        cells_.push_back({corner + (u * (1 - su) + v * (1 - sv)) * 0.5, u * su, v * sv, sum, true});
+    } else {
+        // Towards the centre of the inscribed circle, where all three sides are left behind at the same pace.
+        const double lw = length(v - u), around = lu + lv + lw;
+        const Vec3 center = corner + (u * lv + v * lu) / around;
+        const double s = std::clamp(1 - margin_ * around / (2 * a), 0.0, kInset);
+        cells_.push_back({center + (corner - center) * s, u * s, v * s, sum, false});
+    }
 }
 
 void Footprint::add_piece(const Surfaces& s, const Chart& c, const LuxelPiece& piece) {

@@ -53,10 +53,11 @@ std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index, std::s
 
 Vec3 world_from_luxel(const Surfaces& surfaces, const Chart& chart, FaceId face, Vec2 luxel);
 
-// Uniform points on a union of pieces or triangles; all lie strictly inside, so that rounding cannot carry one into
-// the wall at its rim.
+// Uniform points on a union of pieces or triangles; all lie inside by a margin, so that neither rounding nor the push off
+// the surface can carry one into a wall at its rim, even one that leans over it.
 class Footprint {
 public:
+    explicit Footprint(double margin = 0) : margin_(margin) {} // map units
     void add_piece(const Surfaces& surfaces, const Chart& chart, const LuxelPiece& piece);
     void add_triangle(Vec3 a, Vec3 b, Vec3 c);
     bool empty() const { return cells_.empty(); }
@@ -72,6 +73,7 @@ private:
         bool parallelogram = false;
     };
     void add(Vec3 corner, Vec3 u, Vec3 v, bool parallelogram);
+    double margin_ = 0;
     std::vector<Cell> cells_;
 };
 

@@ -110,18 +110,18 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
 
 // H = H_d + F rho H by Jacobi sweeps in fixed order, until the bound residual / (1 - rho_max) on the error of H is
 // below the share `iteration` of its largest value.
-std::vector<Rgbd> Bake::solve(const Rows& rows, const std::vector<Rgbd>& direct, std::uint32_t* iterations,
-                              double* residual) {
+std::vector<Rgbd> Bake::solve(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho,
+                              std::uint32_t* iterations, double* residual) {
     const std::size_t n = direct.size();
     std::vector<Rgbd> h = direct, next(n), b(n);
     double rho_max = 0;
-    for (const Patch& p : patches_.patches) rho_max = std::max(rho_max, static_cast<double>(max_component(p.reflectance)));
+    for (const Rgbd& r : rho) rho_max = std::max(rho_max, max_component(r));
     constexpr std::size_t kChunk = 2048;
     const std::size_t chunks = (n + kChunk - 1) / kChunk;
     std::vector<double> change(chunks), largest(chunks);
     *residual = 0;
     for (*iterations = 0; *iterations < 5000; ++*iterations) {
-        for (std::size_t p = 0; p < n; ++p) b[p] = static_cast<Rgbd>(patches_.patches[p].reflectance) * h[p];
+        for (std::size_t p = 0; p < n; ++p) b[p] = rho[p] * h[p];
         parallel_for(context_, chunks, [&](std::size_t chunk) {
             change[chunk] = largest[chunk] = 0;
             for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {

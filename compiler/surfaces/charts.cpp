@@ -49,7 +49,7 @@ std::vector<Seam> find_seams(const Surfaces& s, const Adjacency& adjacency) {
 
 } // namespace
 
-void make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency, const World& world,
+std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency, const World& world,
                  Context& context) {
     std::vector<std::uint32_t> root(s.faces.size());
     std::iota(root.begin(), root.end(), 0u);
@@ -119,9 +119,9 @@ void make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, const Adjace
         chart.first_texel = static_cast<std::uint32_t>(texels);
         texels += std::uint64_t{chart.width} * chart.height;
     }
-    KILN_CHECK_OP(texels, <, std::uint64_t{UINT32_MAX});
     s.texel_count = static_cast<std::uint32_t>(texels);
     s.seams = find_seams(s, adjacency);
+    return texels;
 }
 
 } // namespace kiln

@@ -8,7 +8,7 @@ namespace kiln {
 constexpr std::uint32_t kMaxChartTexels = 2046; // a side, gutter included: fits an atlas page of 2048 with its border
 
 // Fills surfaces.charts, texel_count, seams and the faces' chart.
-void make_charts(Surfaces& surfaces, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency, const World& world,
+std::uint64_t make_charts(Surfaces& surfaces, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency, const World& world,
                  Context& context);
 
 inline Vec2 luxel_coordinate(const Chart& chart, Vec3 x) {

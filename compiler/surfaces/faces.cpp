@@ -64,6 +64,7 @@ struct Group {
     PlaneId plane;
     Contents behind = Contents::solid;
     BrushId brush;
+    bool gap = false; // closes an opening too narrow to count
     std::vector<Loop> polygons;
     std::vector<ClusterId> clusters; // parallel to polygons
 };
@@ -76,14 +77,20 @@ double phong_angle(const World& world, const WorldBrush& brush) {
     return entity.number("_phong", 0) > 0 ? kUsual : 0;
 }
 
+BrushId brush_of(const World& world, SideId side) {
+    const auto after = std::ranges::upper_bound(world.brushes, side.value, {}, &WorldBrush::first_side);
+    return id<BrushId>(static_cast<std::size_t>(after - world.brushes.begin()) - 1);
+}
+
 std::vector<Group> collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& vertices) {
     std::vector<Group> groups;
-    std::map<std::tuple<ModelId, SideId, PlaneId, bool>, std::size_t> index;
-    const auto add = [&](ModelId model, SideId side, BrushId brush, Contents behind, const PlanePolygon& polygon, ClusterId cluster) {
+    std::map<std::tuple<ModelId, SideId, PlaneId, bool, bool>, std::size_t> index;
+    const auto add = [&](ModelId model, SideId side, BrushId brush, Contents behind, const PlanePolygon& polygon, ClusterId cluster,
+                         bool gap = false) {
         Loop loop = vertices.add(polygon);
         if (loop.size() < 3) return; // a polygon without area has nothing to show
-        const auto [it, fresh] = index.try_emplace({model, side, polygon.support, opaque(behind)}, groups.size());
-        if (fresh) groups.push_back({side, model, polygon.support, behind, brush, {}, {}});
+        const auto [it, fresh] = index.try_emplace({model, side, polygon.support, opaque(behind), gap}, groups.size());
+        if (fresh) groups.push_back({side, model, polygon.support, behind, brush, gap, {}, {}});
         groups[it->second].polygons.push_back(std::move(loop));
         groups[it->second].clusters.push_back(cluster);
     };
@@ -93,6 +100,8 @@ std::vector<Group> collect(const World& world, const Csg& csg, const Bsp& bsp, V
         if (!side_visibility(world, world.sides[f.side.at()], world.brushes[f.brush.at()], f.behind).keep) continue;
         add(f.model, f.side, f.brush, f.behind, v.polygon, v.leaf.valid() ? bsp.leaves[v.leaf.at()].cluster : ClusterId{});
     }
+    for (const ClosedGap& g : bsp.closed)
+        add({0}, g.side, brush_of(world, g.side), Contents::solid, g.polygon, bsp.leaves[g.leaf.at()].cluster, true);
     // Light blockers without contents of their own never became fragments: their whole sides block.
     for (std::size_t b = 0; b < csg.brushes.size(); ++b) {
         const WorldBrush& brush = world.brushes[b];
@@ -102,7 +111,7 @@ std::vector<Group> collect(const World& world, const Csg& csg, const Bsp& bsp, V
             if (world.materials[world.sides[polytope.sides[i].at()].material.at()].flags & kLightBlocker)
                 add(brush.model, polytope.sides[i], id<BrushId>(b), brush.contents, polytope.faces[i], {});
     }
-    std::ranges::sort(groups, {}, [](const Group& g) { return std::tuple(g.model, g.side, g.plane, g.behind); });
+    std::ranges::sort(groups, {}, [](const Group& g) { return std::tuple(g.model, g.side, g.plane, g.behind, g.gap); });
     return groups;
 }
 
@@ -135,7 +144,9 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
         context.check_cancelled();
         const WorldSide& side = world.sides[group.side.at()];
         const WorldBrush& brush = world.brushes[group.brush.at()];
-        const Visibility visibility = side_visibility(world, side, brush, group.behind);
+        // What closes a gap is black: it keeps light in, shows nothing and sends nothing back.
+        const Visibility visibility = group.gap ? Visibility{.keep = true, .blocks = true, .hull = true}
+                                                : side_visibility(world, side, brush, group.behind);
         FaceDraft draft;
         Face& face = draft.face;
         face.side = group.side;
@@ -151,8 +162,8 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
         face.hull = visibility.hull;
         draft.lit = visibility.lit;
         draft.luxel_size = side.lightmap_scale > 0 && std::isfinite(side.lightmap_scale) ? side.lightmap_scale : 16;
-        draft.smoothing_groups = side.smoothing_groups;
-        draft.phong_angle_deg = std::max(phong_angle(world, brush), side.smoothing_groups ? 0.0 : options.smoothing_angle_deg);
+        draft.smoothing_groups = group.gap ? 0 : side.smoothing_groups;
+        draft.phong_angle_deg = group.gap ? 0 : std::max(phong_angle(world, brush), side.smoothing_groups ? 0.0 : options.smoothing_angle_deg);
         if (!tangent_frame(side.texture, face.normal, face.tangent) && face.drawn)
             context.report(Severity::warning, "texture-axes-degenerate",
                            fmt::format("the texture axes of '{}' do not span the face: its tangent frame is arbitrary",

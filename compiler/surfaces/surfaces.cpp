@@ -71,7 +71,12 @@ Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& b
     context.say("surfaces", 0.6);
     const Adjacency adjacency = find_adjacency(s);
     shade_corners(s, drafts, adjacency);
-    make_charts(s, drafts, adjacency, world, context);
+    const std::uint64_t texels = make_charts(s, drafts, adjacency, world, context);
+    if (const std::uint64_t most = std::min<std::uint64_t>(options.most_texels, UINT32_MAX); texels > most)
+        return fault(Exit::limit, "too-many-luxels",
+                     fmt::format("the surfaces need {} million lightmap texels, allowed are {}: see the lightmap scales of the map, --luxel and --max-texels",
+                                 texels / 1000000, most / 1000000),
+                     {.file = world.file});
     context.check_cancelled();
     make_luxels(s, drafts, vertices, context);
     context.say("surfaces", 1);

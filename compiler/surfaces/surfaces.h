@@ -100,7 +100,10 @@ struct SurfacesOptions {
     // Faces are flat unless smoothing groups (VMF) or `_phong` keys say otherwise. Above 0: edges up to this angle
     // are smooth too where neither face states groups.
     double smoothing_angle_deg = 0;
-    template <class A> void fields(A& a) { a(smoothing_angle_deg); }
+    // More texels than this are a fault (Exit::limit): a slip in a lightmap scale, not a level. Light takes some 150
+    // bytes a texel.
+    std::uint64_t most_texels = std::uint64_t{1} << 26;
+    template <class A> void fields(A& a) { a(smoothing_angle_deg, most_texels); }
 };
 Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& bsp, const SurfacesOptions& options,
                                 Context& context);

@@ -1,5 +1,6 @@
 #include "compiler/world/contents.h"
 #include "compiler/world/entity_classes.h"
+#include "compiler/world/omitted_layers.h"
 #include "compiler/world/row_flags.h"
 #include "compiler/world/world.h"
 #include <cmath>
@@ -70,9 +71,13 @@ public:
         if (document_.entities.empty())
             return fault(Exit::input, "no-entities", "the map has no entities", {document_.file, 1});
         world_scale_ = scale_of(document_.entities[0], options_.lightmap_scale);
+        const std::vector<std::uint8_t> omitted = omitted_by_layer(document_);
         for (std::size_t e = 0; e < document_.entities.size(); ++e) {
             context_.check_cancelled();
-            add_entity(document_.entities[e], e);
+            const DocEntity& entity = document_.entities[e];
+            if (omitted[e]) omitted_.add({document_.file, entity.line, entity.id});
+            if (omitted[e]) omitted_brushes_ += entity.brushes.size();
+            if (!omitted[e] || e == 0) add_entity(entity, omitted[e] == 0);
         }
         report_counts();
         bool any = false;
@@ -96,7 +101,8 @@ private:
     using MaterialKey = std::tuple<std::string, std::uint32_t, float, float>; // name, flags, emission, alpha
     std::map<MaterialKey, MaterialId> material_ids_;
     std::map<std::string, Counted, std::less<>> classes_;
-    Counted displacements_, patches_, mixed_, origin_in_world_, sky_model_;
+    Counted displacements_, patches_, mixed_, origin_in_world_, omitted_;
+    std::size_t omitted_brushes_ = 0;
 
     SourceLocation where(const DocEntity& e, const DocBrush& b) const {
         return {document_.file, b.line, e.id, b.id};
@@ -126,15 +132,16 @@ private:
         return kept;
     }
 
-    MaterialId intern(const DocSide& side) {
-        Material m = with_row_flags(database_.find(side.material, context_), side, document_.format, quake3_);
+    MaterialId intern(const DocSide& side, const SourceLocation& where) {
+        Material m = with_row_flags(database_.find(side.material, context_, where), side, document_.format, quake3_);
         const MaterialKey key{m.name, m.flags, m.emission.x, m.alpha};
         const auto [it, added] = material_ids_.try_emplace(key, id<MaterialId>(world_.materials.size()));
         if (added) world_.materials.push_back(std::move(m));
         return it->second;
     }
 
-    void add_entity(const DocEntity& e, std::size_t index) {
+    void add_entity(const DocEntity& e, bool with_brushes) {
+        const std::size_t index = world_.entities.size();
         WorldEntity out;
         out.keys = e.keys;
         out.line = e.line;
@@ -153,7 +160,7 @@ private:
         const bool own_model = use == BrushUse::model || use == BrushUse::hidden_model;
         if (index == 0) out.model = id<ModelId>(0);
         const double scale = index == 0 ? world_scale_ : scale_of(e, world_scale_);
-        if (use != BrushUse::dropped) {
+        if (use != BrushUse::dropped && with_brushes) {
             for (const DocBrush& b : e.brushes) {
                 const std::size_t before = world_.brushes.size();
                 add_brush(e, b, index, use, scale, out);
@@ -189,7 +196,7 @@ private:
         std::vector<std::uint32_t> flags;
         bool displaced = false;
         for (const DocSide& s : b.sides) {
-            ids.push_back(intern(s));
+            ids.push_back(intern(s, {document_.file, s.line, e.id, b.id, s.id}));
             flags.push_back(world_.materials[ids.back().at()].flags);
             displaced = displaced || s.displacement;
             if (s.displacement) displacements_.add({document_.file, s.line, e.id, b.id, s.id});
@@ -281,6 +288,11 @@ private:
              "{} patches or primitive brushes are not read yet and left out");
         tell(mixed_, Severity::warning, "mixed-contents",
              "{} brushes have liquid sides beside solid ones; they are solid");
+        if (omitted_.count > 0)
+            context_.report(Severity::note, "layer-omitted",
+                            fmt::format("{} entities with {} brushes are in layers that the editor omits from export; they are left out",
+                                        omitted_.count, omitted_brushes_),
+                            omitted_.first);
         tell(origin_in_world_, Severity::warning, "origin-brush-in-world",
              "{} origin brushes of the world mean nothing; they are left out");
     }

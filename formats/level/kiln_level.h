@@ -244,7 +244,7 @@ const uint32_t* kiln_level_cube_lights(const kiln_level* level, size_t* count);
 kiln_status kiln_level_cube_tree(const kiln_level* level, kiln_cube_tree* tree);
 /* Ambient cube at a point: usable corners of its cell, trilinear. KILN_NONE: no air there. */
 kiln_status kiln_level_ambient(const kiln_level* level, const double point[3], float rgb[6][3]);
-/* Irradiance at a point for a unit normal: sum of n_a^2 c[a, n_a < 0]. */
+/* Irradiance at a point for a unit normal: max(0, sum of n_a^2 c[a, n_a < 0]). */
 kiln_status kiln_level_ambient_eval(const kiln_level* level, const double point[3], const float normal[3],
                                     float rgb[3]);
 /* Lights to add to the cube of a point, each with its share 0..1; at most `capacity` are written, *count is how many

@@ -338,6 +338,7 @@ kiln_status kiln_level_ambient_eval(const kiln_level* level, const double point[
     for (int k = 0; k < 3; ++k) {
         rgb[k] = 0;
         for (int a = 0; a < 3; ++a) rgb[k] += normal[a] * normal[a] * cube[2 * a + (normal[a] < 0 ? 1 : 0)][k];
+        if (rgb[k] < 0) rgb[k] = 0; // a cube beside one strong lamp is negative on the far side
     }
     return KILN_OK;
 }

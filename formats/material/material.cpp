@@ -77,7 +77,7 @@ void MaterialDatabase::add_lights_rad(std::string_view text, const std::string& 
     rules_->found.clear();
 }
 
-Material MaterialDatabase::find(std::string_view name, Context& context) {
+Material MaterialDatabase::find(std::string_view name, Context& context, const SourceLocation& where) {
     if (const auto it = rules_->found.find(name); it != rules_->found.end()) return it->second;
     Material m;
     m.name = name;
@@ -93,7 +93,8 @@ Material MaterialDatabase::find(std::string_view name, Context& context) {
     if (!m.known && rules_->warned.insert(lower_case(name)).second)
         context.report(Severity::warning, "material-unknown",
                        fmt::format("nothing is known of the material '{}': reflectance 0.5 and size {}x{} are used",
-                                   m.name, m.width, m.height));
+                                   m.name, m.width, m.height),
+                       where);
     rules_->found.emplace(m.name, m);
     return m;
 }

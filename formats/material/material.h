@@ -67,7 +67,7 @@ public:
     // directory). Kept out of Material so that a level does not depend on where its files lie.
     std::string map_directory(std::string_view name) const;
     // Never fails; reports one warning for each name met for the first time that nothing knows.
-    Material find(std::string_view name, Context& context);
+    Material find(std::string_view name, Context& context, const SourceLocation& where = {});
 
     // The same database again gives the same bytes: for the key of the stage cache.
     Bytes content() const;

@@ -2,6 +2,7 @@
 #include "formats/document/side_text.h"
 #include "formats/quake_map/row.h"
 #include "formats/quake_map/scanner.h"
+#include <set>
 #include <fmt/format.h>
 
 namespace kiln {
@@ -17,6 +18,7 @@ struct Reader {
     Document document;
     std::optional<Fault> fatal = std::nullopt;
     int syntax_errors = 0;
+    std::set<std::string> told = {}; // kinds of primitives already reported
     std::size_t standard_rows = 0, valve_rows = 0;
     int stray_brushes = 0, stray_line = 0; // brushes that stand outside any entity
     bool ended = false;                    // the end of the file was met inside a block
@@ -103,9 +105,12 @@ struct Reader {
                 continue;
             }
             const bool known = word.starts_with("patchDef") || word.starts_with("brushDef");
-            context.report(known ? Severity::note : Severity::warning,
-                           known ? "primitive-not-handled" : "primitive-unknown",
-                           fmt::format("the primitive '{}' is not read yet; it is left out", shown(word)), where);
+            // Hundreds of patches are one thing to know; the world stage tells their number.
+            if (told.insert(std::string(word)).second)
+                context.report(known ? Severity::note : Severity::warning,
+                               known ? "primitive-not-handled" : "primitive-unknown",
+                               fmt::format("the primitive '{}' is not read yet; it is left out, as are all others like it", shown(word)),
+                               where);
             ++entity.skipped_patches;
             primitive = true;
             // Its block is the next '{', met above; what else follows on the line belongs to it.

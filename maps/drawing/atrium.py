@@ -5,8 +5,7 @@ import os
 from . import textures
 from .brushes import (NODRAW, SKY, Map, box, faces, hull, octagon, prism, slab_with_holes)
 
-FLOOR, BORDER, BRICK, PLASTER, CREAM = ("kiln/floor_polished", "kiln/floor_border", "kiln/brick", "kiln/plaster_white",
-                                        "kiln/plaster_cream")
+FLOOR, BORDER, BRICK, PLASTER = ("kiln/floor_polished", "kiln/floor_border", "kiln/brick", "kiln/plaster_white")
 RED, GREEN, CARPET, WOOD, DARK_WOOD, METAL, STONE, TILES = ("kiln/plaster_red", "kiln/plaster_green", "kiln/carpet_red",
                                                            "kiln/wood", "kiln/wood_dark", "kiln/metal", "kiln/stone",
                                                            "kiln/tiles_green")
@@ -24,7 +23,7 @@ def materials(folder):
     metal = textures.metal(folder, "metal", (0.30, 0.31, 0.33))
     brick = textures.brick(folder, "brick", (0.50, 0.25, 0.16), (0.50, 0.46, 0.41))
     white = textures.plaster(folder, "plaster", (0.74, 0.71, 0.66))
-    wood = textures.wood(folder, "wood", (0.42, 0.25, 0.13))
+    wood = textures.wood(folder, "wood", (0.36, 0.22, 0.13))
     tiles = textures.tiles(folder, "tiles", (0.55, 0.62, 0.58), (0.30, 0.32, 0.31), 8, stagger=True)
 
     def tinted(base, reflectance):  # the same relief in another colour: no albedo map, the number is the colour
@@ -32,13 +31,12 @@ def materials(folder):
 
     def lamp(r, g, b): return {"reflectance": [0.3, 0.3, 0.3], "emission": [r, g, b], "size": [64, 64]}
     return {
-        FLOOR: {**floor, "env_map": 0.3, "roughness": 0.12},
+        FLOOR: {**floor, "env_map": 0.4, "roughness": 0.12},
         BORDER: {**border, "env_map": 0.3, "roughness": 0.15},
         BRICK: brick,
         PLASTER: white,
-        CREAM: tinted(white, [0.62, 0.52, 0.38]),
         RED: tinted(white, [0.62, 0.055, 0.04]),
-        GREEN: tinted(white, [0.10, 0.46, 0.12]),
+        GREEN: tinted(white, [0.13, 0.38, 0.14]),
         CARPET: textures.cloth(folder, "carpet_red", (0.42, 0.04, 0.035)),
         WOOD: wood,
         DARK_WOOD: tinted(wood, [0.13, 0.075, 0.04]),
@@ -46,7 +44,7 @@ def materials(folder):
         STONE: textures.tiles(folder, "stone", (0.56, 0.53, 0.47), (0.38, 0.36, 0.32), 2, stagger=True, down=4),
         TILES: {**tiles, "env_map": 0.12, "roughness": 0.3},
         LAMP_WARM: lamp(14, 8, 3.5),
-        LAMP_WHITE: lamp(9, 9, 8),
+        LAMP_WHITE: lamp(5, 5, 4.5),
         LAMP_SMALL: lamp(5, 3.6, 2),
     }
 
@@ -55,10 +53,12 @@ def shell(m):
     """What seals: floor, ceiling with skylights, walls with their openings, sky behind each opening to the sky."""
     # Floor: polished tiles with a dark border.
     b = 48
-    m.add(box((b, b, -16), (X - b, Y - b, 0), faces(NODRAW, zp=FLOOR), lightmap=8))
-    for lo, hi in (((-WALL, -WALL), (X + WALL, b)), ((-WALL, Y - b), (X + WALL, Y + WALL)), ((-WALL, b), (b, Y - b)),
-                   ((X - b, b), (X + WALL, Y - b))):
+    m.add(box((b, b, -16), (X - b, Y - b, 0), faces(NODRAW, zp=FLOOR), lightmap=4))
+    for lo, hi in (((0, 0), (X, b)), ((0, Y - b), (X, Y)), ((0, b), (b, Y - b)), ((X - b, b), (X, Y - b))):
         m.add(box((*lo, -16), (*hi, 0), faces(NODRAW, zp=BORDER), lightmap=8))
+    for lo, hi in (((-WALL, -WALL), (X + WALL, 0)), ((-WALL, Y), (X + WALL, Y + WALL)), ((-WALL, 0), (0, Y)),
+                   ((X, 0), (X + WALL, Y))):  # under the walls; seen as thresholds
+        m.add(box((*lo, -16), (*hi, 0), faces(NODRAW, zp=STONE), lightmap=8))
 
     # Ceiling: three skylights in their wells.
     lights = [((x, 240), (x + 192, 464)) for x in (160, 416, 672)]
@@ -117,11 +117,11 @@ def corridor(m):
     for number, y in enumerate((896, 1064)):
         m.entity("func_detail", box((504, y - 8, top - 6), (520, y + 8, top), METAL))
         m.entity("light_spot", origin=(512, y, top - 8), angles="-90 0 0", pitch="-90", _inner_cone="35", _cone="55",
-                 _exponent="1", _quadratic_attn="1", _light="255 196 120 420" if number == 0 else "255 170 90 520")
+                 _exponent="1", _quadratic_attn="1", _light="255 226 184 150" if number == 0 else "255 214 160 190")
     m.entity("func_detail", box((x0, y0 + 40, 0), (x0 + 3, y1, 10), DARK_WOOD), box((x1 - 3, y0 + 40, 0), (x1, y1, 10), DARK_WOOD))
 
 
-def column(m, x, y, z1, lightmap=8):
+def column(m, x, y, z1, lightmap=4):
     m.entity("func_detail",
              box((x - 32, y - 32, 0), (x + 32, y + 32, 12), STONE, lightmap=lightmap),
              prism(octagon(x, y, 28), 12, 20, STONE, lightmap=lightmap),
@@ -151,7 +151,7 @@ def furniture(m):
     g0, top = 320, 192
     m.entity("func_detail", box((g0, 640, top - 16), (X, Y, top), faces(PLASTER, zp=WOOD, ym=DARK_WOOD, xm=DARK_WOOD), lightmap=8))
     for x in (352, 672, 864):
-        column(m, x, 672, top - 16)
+        column(m, x, 672, top - 16, lightmap=8)
     for x in range(328, X, 96):
         m.entity("func_detail", box((x, 644, top), (x + 8, 652, top + 40), METAL))
     m.entity("func_detail", box((g0, 642, top + 40), (X, 654, top + 46), DARK_WOOD))
@@ -202,21 +202,21 @@ def side_rooms(m):
     # The red room: a bench and a pedestal with a metal block.
     m.entity("func_detail", box((-272, 432, 0), (-232, 496, 40), STONE, lightmap=8),
              prism([(-252, 446), (-238, 464), (-252, 482), (-266, 464)], 40, 80, METAL, lightmap=8))
-    for x0, x1, near in ((-288, -WALL, -36), (X + WALL, 1312, 1060)):
+    for x0, x1 in ((-288, -WALL), (X + WALL, 1312)):
         for y0, y1 in ((256, 259), (509, 512)):
             m.entity("func_detail", box((x0, y0, 0), (x1, y1, 12), DARK_WOOD))
 
 
 def entities(m):
     m.entity("light_environment", origin=(512, 384, 400), angles="-46 68 0", pitch="-46", SunSpreadAngle="1",
-             _light="255 240 210 1600", _ambient="205 222 255 600")
-    for origin, size in (((512, 300, 96), 7), ((512, 704, 96), 6), ((672, 700, 256), 6), ((-160, 384, 80), 6), ((1184, 384, 80), 6),
+             _light="255 238 205 2600", _ambient="200 220 255 420")
+    for origin, size in (((512, 280, 96), 7), ((144, 384, 80), 6), ((880, 384, 80), 6), ((512, 704, 96), 6), ((672, 700, 256), 6), ((-160, 384, 80), 6), ((1184, 384, 80), 6),
                          ((512, 976, 72), 6)):
         m.entity("env_cubemap", origin=origin, cubemapsize=size)
     m.entity("info_player_start", origin=(512, 64, 8), angles="0 90 0")
     # Where pictures are taken from: angles are pitch (down is positive) and yaw; fov is the horizontal angle in degrees.
     m.entity("info_camera_view", origin=(40, 240, 168), angles="6 24 0", fov="84", targetname="hall")
-    m.entity("info_camera_view", origin=(968, 704, 256), angles="14 209 0", fov="84", targetname="gallery")
+    m.entity("info_camera_view", origin=(960, 668, 264), angles="15 212 0", fov="84", targetname="gallery")
     m.entity("info_camera_view", origin=(476, 1112, 72), angles="2 277 0", fov="80", targetname="corridor")
     m.entity("info_camera_view", origin=(330, 520, 72), angles="-2 200 0", fov="75", targetname="red_room")
 

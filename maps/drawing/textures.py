@@ -135,7 +135,7 @@ def plaster(folder, name, color, roughness=1.0):
     def surface(x, y):
         h = 3.0 * a.at(x, y) + 1.5 * b.at(x, y) + 0.55 * c.at(x, y)
         return h * roughness, shade(color, 1 + 0.035 * a.at(x, y) + 0.03 * b.at(x, y))
-    return save(folder, name, surface, 0.5)
+    return save(folder, name, surface, 0.2)
 
 
 def wood(folder, name, color, planks=4):

@@ -22,6 +22,8 @@ void BakeOptions::add_to(CLI::App& command) {
         ->check(CLI::IsMember({"dot", "sq", "tilted"}));
     quality->add_option("--luxel", compile.world.lightmap_scale, "Luxel size where the map says nothing, map units (default 16)")
         ->check(CLI::Range(0.5, 1024.0))->type_name("UNITS");
+    quality->add_option("--max-texels", compile.surfaces.most_texels, "Lightmap texels beyond which the build stops with exit 5 (default 67 million)")
+        ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{UINT32_MAX}))->type_name("N");
     quality->add_option("--ambient-error", ambient_error, "Target error of interpolated ambient cubes, percent (default: twice --error, at least 10)")
         ->check(CLI::Range(1.0, 200.0))->type_name("PERCENT");
     quality->add_option("--cubemap-size", compile.probes.default_size, "Edge of cubemap faces without a size of their own, texels (default 64)")

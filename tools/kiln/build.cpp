@@ -25,7 +25,9 @@ std::string report_json(const Compiled& c, const Context& context) {
                    {"lights", c.lights.size()}, {"cubes", c.ambient.cubes.size()}, {"probes", c.probes.probes.size()},
                    {"rays", c.lighting.rays + c.ambient.rays}};
     const ErrorReport& e = c.lighting.error;
-    j["error"] = {{"target", e.target}, {"estimate", e.estimate}, {"low", e.low}, {"high", e.high}, {"noise", e.noise},
+    const auto done = [&](const char* stage) { return std::ranges::any_of(c.stages, [&](const StageReport& s) { return s.name == stage; }); };
+    if (!done("light")) j["error"] = nullptr; // not known, which is not 0
+    else j["error"] = {{"target", e.target}, {"estimate", e.estimate}, {"low", e.low}, {"high", e.high}, {"noise", e.noise},
                   {"patch_bias", e.patch_bias}, {"iteration", e.iteration}, {"representation", e.representation},
                   {"ambient", c.ambient.error_estimate}};
     j["light"] = {{"iterations", c.lighting.iterations}, {"escaped_rays", c.lighting.escaped_rays}, {"back_face_rays", c.lighting.back_face_rays}};
@@ -56,12 +58,12 @@ Command build_command(CLI::App& app) {
     };
     auto o = std::make_shared<Options>();
     o->bake.add_to(app);
-    app.add_option("-o,--output", o->output, "The level file (default: the map's name with .kiln)")->type_name("FILE");
+    app.add_option("-o,--output", o->output, "The level file (default: the map's name with .kiln); a portal file (.prt) or leak trails (.pts, .lin) are written beside it")->type_name("FILE");
     app.add_option("--report", o->report, "Write stages, counts, error and diagnostics as JSON")->type_name("FILE");
     app.add_option("--stop-after", o->stop_after, "Stop after this stage; no level is written")
         ->check(CLI::IsMember(std::vector<std::string>(kStageNames.begin(), kStageNames.end())))->type_name("STAGE");
     app.add_flag_function("--strip", [o](std::int64_t) { o->bake.compile.strip = true; }, "Leave out provenance and error maps");
-    app.add_option("--require-error", o->require_error, "Exit 6 where the estimated error exceeds this, percent")->type_name("PERCENT");
+    app.add_option("--require-error", o->require_error, "Exit 6 where the estimated error exceeds this, percent; the level is written all the same")->check(CLI::Range(0.0, 1000.0))->type_name("PERCENT");
     app.footer("examples:\n  kiln build maps/atrium/atrium.vmf\n  kiln build e1m1.map -o e1m1.kiln --error 2 --cache ~/.cache/kiln\n"
                "  kiln build m.vmf --stop-after bsp --report m.json\n"
                "Words of vbsp, vvis, vrad, qbsp, vis and light (-fast, -final, -threads N, -game DIR ...) are understood.\n"
@@ -72,10 +74,16 @@ Command build_command(CLI::App& app) {
         Context context = console.make_context(o->bake.thread_count());
         const std::string output = o->output.empty() ? stem_of(o->bake.map) + ".kiln" : o->output;
         const std::string stem = stem_of(output);
+        for (const std::string& written : {output, o->report})
+            if (same_file(written, o->bake.map)) return console.fail(fault(Exit::usage, "usage", "the output is the map itself; give another with -o", {.file = written}));
         // Find out that nothing can be written before minutes are spent, not after.
-        const std::filesystem::path folder = std::filesystem::absolute(output).parent_path();
-        if (::access(folder.c_str(), W_OK) != 0)
-            return console.fail(fault(Exit::io, "cannot-write", "the folder of the output is missing or not writable", {.file = output}));
+        for (const std::string& written : {output, o->report}) {
+            if (written.empty()) continue;
+            const std::filesystem::path path = std::filesystem::absolute(written);
+            std::error_code ignored;
+            if (::access(path.parent_path().c_str(), W_OK) != 0 || std::filesystem::is_directory(path, ignored))
+                return console.fail(fault(Exit::io, "cannot-write", "the folder is missing or not writable, or this is a folder", {.file = written}));
+        }
 
         Stage last = Stage::pack;
         for (std::size_t i = 0; i < kStageNames.size(); ++i)
@@ -86,9 +94,9 @@ Command build_command(CLI::App& app) {
         const auto write = [&](const Result<bool>& written) {
             if (!written && code == 0) code = console.fail(written.fault());
         };
-        if (last >= Stage::bsp && (code == 0 || c.bsp.leak)) {
-            if (c.bsp.leak) {
-                write(write_trails(stem, *c.bsp.leak));
+        if (last >= Stage::bsp && (code == 0 || c.leak)) {
+            if (c.leak) {
+                write(write_trails(stem, *c.leak));
             } else {
                 remove_trails(stem);
             }
@@ -99,18 +107,19 @@ Command build_command(CLI::App& app) {
                 write(write_file(stem + ".prt", write_portal_file(prt)));
             }
         }
-        if (!o->report.empty()) write(write_file(o->report, report_json(c, context)));
+        const Result<bool> reported = o->report.empty() ? Result<bool>(true) : write_file(o->report, report_json(c, context));
         if (code != 0) return code;
         if (last == Stage::pack) {
             if (const auto written = write_file(output, c.level); !written) return console.fail(written.fault());
             const ErrorReport& e = c.lighting.error;
-            console.say(fmt::format("{}: {:.2f} MB, light error {:.1f} % ({:.1f} to {:.1f} %, asked for {:g} %)", output,
-                                    static_cast<double>(c.level.size()) / 1e6, e.estimate, e.low, e.high, e.target));
+            console.say(fmt::format("{}: {:.2f} MB, light error {:.1f} % ({:.1f} to {:.1f} %, asked for {:g} %), ambient {:.0f} %", output,
+                                    static_cast<double>(c.level.size()) / 1e6, e.estimate, e.low, e.high, e.target, c.ambient.error_estimate));
             if (o->require_error > 0 && e.estimate > o->require_error)
                 return console.fail(fault(Exit::quality, "error-above-gate",
                                           fmt::format("the estimated error of the light is {:.2f} %, allowed are {:g} %", e.estimate, o->require_error),
                                           {.file = o->bake.map}));
         }
+        if (!reported) return console.fail(reported.fault());
         return console.verdict(context);
     };
 }

@@ -1,5 +1,6 @@
 #include "tools/kiln/console.h"
 #include <csignal>
+#include <filesystem>
 #include <cstdio>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -32,6 +33,17 @@ void print_json(const nlohmann::ordered_json& j) {
 } // namespace
 
 void print_error(const std::string& text) { (void)std::fwrite(text.data(), 1, text.size(), stderr); }
+
+int print_output(const std::string& text) {
+    if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) return 0;
+    print_error("kiln: error: standard output cannot be written [cannot-write]\n");
+    return static_cast<int>(Exit::io);
+}
+
+bool same_file(const std::string& a, const std::string& b) {
+    std::error_code ignored;
+    return std::filesystem::equivalent(a, b, ignored);
+}
 
 Context Console::make_context(int threads) {
     std::signal(SIGINT, on_signal);

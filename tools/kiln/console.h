@@ -10,6 +10,10 @@ enum class LogFormat { text, json };
 
 // Standard error, come what may: a log that cannot be written must not end the build.
 void print_error(const std::string& text);
+// Standard output; the exit code: 8 where it cannot take the text.
+int print_output(const std::string& text);
+// Do both names lead to one file? What a command writes must not be what it reads.
+bool same_file(const std::string& a, const std::string& b);
 
 class Console {
 public:

@@ -217,13 +217,14 @@ Command dump_command(CLI::App& app) {
         Console console;
         o->bake.settle(console);
         Context context = console.make_context(o->bake.thread_count());
+        if (same_file(o->output, o->bake.map)) return console.fail(fault(Exit::usage, "usage", "the output is the map itself", {.file = o->output}));
         const Artefact* wanted = std::find_if(std::begin(kArtefacts), std::end(kArtefacts), [&](const Artefact& a) { return o->artefact == a.name; });
         Compiled c;
         if (const int code = compile_map(o->bake, console, context, wanted->stage, c); code != 0) return code;
         const Rows rows = wanted->rows(c);
         const std::string text = o->json ? as_json(rows) : as_text(rows);
         if (o->output.empty()) {
-            std::fwrite(text.data(), 1, text.size(), stdout);
+            if (const int code = print_output(text); code != 0) return code;
         } else if (const auto written = write_file(o->output, text); !written) {
             return console.fail(written.fault());
         }

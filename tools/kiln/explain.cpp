@@ -30,11 +30,11 @@ Command explain_command(CLI::App& app) {
     app.add_option("code", *code, "A code as it stands in brackets behind a message, or an exit code; none: list all");
     app.footer("example: kiln explain leak");
     return [code] {
-        bool found = false;
+        std::string text;
         for (const auto& list : {std::span<const Explanation>(kCodes), std::span<const Explanation>(kExits)})
             for (const Explanation& e : list)
-                if (code->empty() || *code == e.code) fmt::print("{}: {}\n", e.code, e.text), found = true;
-        if (found) return 0;
+                if (code->empty() || *code == e.code) text += fmt::format("{}: {}\n", e.code, e.text);
+        if (!text.empty()) return print_output(text);
         print_error(fmt::format("kiln: error: no code \"{}\"; `kiln explain` lists all [usage]\n", *code));
         return static_cast<int>(Exit::usage);
     };

@@ -10,12 +10,12 @@ namespace kiln {
 namespace {
 
 struct Options {
-    std::string level, output, view, show = "shaded", false_colour, atlas, log_format = "text";
+    std::string level, output, view, show = "shaded", false_colour, atlas;
     std::vector<double> eye, look, size, angles;
     std::vector<std::string> materials_dirs;
     double fov = 90, plan = NAN, exposure = 0;
     int samples = 4, threads = 0;
-    bool plan_given = false, all = false, quiet = false, no_normal_maps = false;
+    bool plan_given = false, fov_given = false, all = false, quiet = false, no_normal_maps = false;
 };
 
 const std::vector<std::pair<std::string, Show>> kShows = {
@@ -69,6 +69,13 @@ std::vector<NamedView> views_of(const kiln_level* level) {
     return views;
 }
 
+// A view's name comes from the map; only its harmless characters become part of a file's name.
+std::string file_name_of(std::string name) {
+    for (char& c : name)
+        if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '_') c = '_';
+    return name.substr(0, 64);
+}
+
 Result<bool> write_picture(const std::string& path, const Image& image, bool radiance, double exposure) {
     if (lower_case(path).ends_with(".exr")) return write_exr(path, image);
     return write_png(path, radiance ? tone_mapped(image, exposure) : image, Transfer::srgb);
@@ -103,6 +110,7 @@ public:
             bool found = false;
             for (std::size_t i = 0; i < views.size(); ++i)
                 if (views[i].name == o_.view || std::to_string(i) == o_.view) c = views[i].camera, found = true;
+            if (found && o_.fov_given) c.fov_deg = o_.fov;
             if (!found) {
                 std::string known;
                 for (const NamedView& v : views) known += " " + v.name;
@@ -126,7 +134,7 @@ public:
         const auto then = [&](int c) { code = code ? code : c; };
         const auto views = views_of(level_);
         if (views.empty()) then(camera(default_camera(level_), Show::shaded, stem + ".view.png"));
-        for (const NamedView& v : views) then(camera(v.camera, Show::shaded, stem + ".view_" + v.name + ".png"));
+        for (const NamedView& v : views) then(camera(v.camera, Show::shaded, stem + ".view_" + file_name_of(v.name) + ".png"));
         const Camera first = views.empty() ? default_camera(level_) : views[0].camera;
         then(camera(first, Show::irradiance, stem + ".irradiance.png"));
         then(camera(first, Show::luxels, stem + ".luxels.png"));
@@ -153,14 +161,15 @@ private:
 
 Command image_command(CLI::App& app) {
     auto o = std::make_shared<Options>();
+    const CLI::Range place(-1e6, 1e6); // map units, or degrees; no nan
     app.add_option("level", o->level, "The level file")->required();
     app.add_option("-o,--output", o->output, "Picture: .png (tone mapped) or .exr (linear); default: beside the level")->type_name("FILE");
     auto* camera = app.add_option_group("Camera view (the default)");
     camera->add_option("--view", o->view, "An info_camera_view entity of the map, by name or number")->type_name("NAME");
-    camera->add_option("--eye", o->eye, "Where the camera stands")->expected(3)->type_name("X Y Z");
-    camera->add_option("--look-at", o->look, "What it looks at")->expected(3)->type_name("X Y Z");
-    camera->add_option("--angles", o->angles, "Which way it looks, degrees")->expected(2)->type_name("PITCH YAW");
-    camera->add_option("--fov", o->fov, "Horizontal field of view, degrees (default 90)")->check(CLI::Range(1.0, 170.0));
+    camera->add_option("--eye", o->eye, "Where the camera stands")->expected(3)->check(place)->type_name("X Y Z");
+    camera->add_option("--look-at", o->look, "What it looks at")->expected(3)->check(place)->type_name("X Y Z");
+    camera->add_option("--angles", o->angles, "Which way it looks, degrees")->expected(2)->check(place)->type_name("PITCH YAW");
+    camera->add_option_function<double>("--fov", [o](double f) { o->fov = f, o->fov_given = true; }, "Horizontal field of view, degrees (default 90)")->check(CLI::Range(1.0, 170.0));
     camera->add_option("--size", o->size, "Pixels (default 1280 720)")->expected(2)->check(CLI::Range(1, 16384))->type_name("W H");
     camera->add_option("--samples", o->samples, "Rays a pixel (default 4)")->check(CLI::Range(1, 64));
     camera->add_option("--show", o->show, "shaded, irradiance, flat, albedo, normals, reflection, luxels, error, validity, faces, clusters, probes")->check(CLI::IsMember(names(kShows)));
@@ -170,7 +179,7 @@ Command image_command(CLI::App& app) {
     auto* other = app.add_option_group("Other pictures");
     other->add_option("--atlas", o->atlas, "Lightmap pages of a basis direction: 0, 1, 2 or flat")->check(CLI::IsMember({"0", "1", "2", "flat"}));
     other->add_option("--false-colour,--false-color", o->false_colour, "Lightmap pages coloured by density, error or validity")->check(CLI::IsMember(names(kFalseColours)));
-    other->add_option_function<double>("--plan", [o](double z) { o->plan = z, o->plan_given = true; }, "Leaves and portals cut at this height")->type_name("Z");
+    other->add_option_function<double>("--plan", [o](double z) { o->plan = z, o->plan_given = true; }, "Leaves and portals cut at this height")->check(place)->type_name("Z");
     other->add_flag("--all", o->all, "A set of pictures beside the level");
     app.add_option("--threads", o->threads, "Worker threads (default: all)")->check(CLI::Range(0, 1024));
     app.add_flag("-q,--quiet", o->quiet, "Only warnings and errors");
@@ -189,6 +198,9 @@ Command image_command(CLI::App& app) {
             return console.fail(fault(Exit::input, "not-a-level", kiln_status_text(s), {.file = o->level}));
         const std::unique_ptr<kiln_level, decltype(&kiln_level_close)> level(raw, kiln_level_close);
         Painter painter(*o, level.get(), console, context);
+        if (same_file(o->output, o->level)) return console.fail(fault(Exit::usage, "usage", "the output is the level itself", {.file = o->output}));
+        if (!o->output.empty() && !lower_case(o->output).ends_with(".png") && !lower_case(o->output).ends_with(".exr"))
+            return console.fail(fault(Exit::usage, "usage", "pictures are .png or .exr", {.file = o->output}));
         if (o->all) return painter.everything();
         const auto path = [&](const std::string& what) { return o->output.empty() ? stem_of(o->level) + "." + what + ".png" : o->output; };
         if (!o->atlas.empty())

@@ -33,25 +33,27 @@ nlohmann::ordered_json describe(const kiln_level* level, std::size_t file_size) 
     return j;
 }
 
-void print_text(const nlohmann::ordered_json& j) {
+std::string as_text(const nlohmann::ordered_json& j) {
+    std::string out;
     const auto& meta = j["meta"];
     const auto flat = [](const nlohmann::ordered_json& v) { return v.is_string() ? v.get<std::string>() : v.dump(); };
     if (meta.is_object())
         for (const auto& [key, value] : meta.items())
-            if (!value.is_object()) fmt::print("{:<18} {}\n", key, flat(value));
+            if (!value.is_object()) out += fmt::format("{:<18} {}\n", key, flat(value));
     for (const char* part : {"error", "options"})
         if (meta.is_object() && meta.contains(part) && meta[part].is_object()) {
-            fmt::print("{}\n", part);
-            for (const auto& [key, value] : meta[part].items()) fmt::print("  {:<16} {}\n", key, flat(value));
+            out += fmt::format("{}\n", part);
+            for (const auto& [key, value] : meta[part].items()) out += fmt::format("  {:<16} {}\n", key, flat(value));
         }
-    fmt::print("encoding           {}\n", j.value("encoding", "?"));
-    fmt::print("counts\n");
+    out += fmt::format("encoding           {}\n", j.value("encoding", "?"));
+    out += fmt::format("counts\n");
     if (j.contains("counts"))
-        for (const auto& [key, value] : j["counts"].items()) fmt::print("  {:<20} {:>10}\n", key, value.get<std::uint64_t>());
-    fmt::print("lumps                      stored        raw\n");
+        for (const auto& [key, value] : j["counts"].items()) out += fmt::format("  {:<20} {:>10}\n", key, value.get<std::uint64_t>());
+    out += fmt::format("lumps                      stored        raw\n");
     for (const auto& l : j["lumps"])
-        fmt::print("  {} {:<6} v{} {:>14} {:>10}\n", l["name"].get<std::string>(), l["index"].get<int>(), l["version"].get<int>(), l["stored"].get<std::uint64_t>(), l["raw"].get<std::uint64_t>());
-    fmt::print("  file             {:>14}\n", j["bytes"].get<std::uint64_t>());
+        out += fmt::format("  {} {:<6} v{} {:>14} {:>10}\n", l["name"].get<std::string>(), l["index"].get<int>(), l["version"].get<int>(), l["stored"].get<std::uint64_t>(), l["raw"].get<std::uint64_t>());
+    out += fmt::format("  file             {:>14}\n", j["bytes"].get<std::uint64_t>());
+    return out;
 }
 
 } // namespace
@@ -77,11 +79,7 @@ Command info_command(CLI::App& app) {
                 return console.fail(fault(Exit::input, "level-damaged", fmt::format("{}: {}", kiln_status_text(s), what), {.file = o->level}));
         }
         const auto j = describe(level.get(), bytes->size());
-        if (o->json)
-            fmt::print("{}\n", j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
-        else
-            print_text(j);
-        return 0;
+        return print_output(o->json ? j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n" : as_text(j));
     };
 }
 

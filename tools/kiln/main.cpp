@@ -1,6 +1,7 @@
 // kiln: the command line.
 #include "libs/core/check.h"
 #include "tools/kiln/commands.h"
+#include <algorithm>
 #include <csignal>
 #include <fmt/format.h>
 
@@ -70,7 +71,7 @@ int main(int argc, char** argv) {
     const std::pair<const char*, std::pair<const char*, Command (*)(CLI::App&)>> commands[] = {
         {"build", {"Bake a map into a level file", build_command}},
         {"info", {"Say what a level file holds", info_command}},
-        {"dump", {"Write any artefact of a map or level as stable text or JSON", dump_command}},
+        {"dump", {"Write any artefact on the way from a map as stable text or JSON", dump_command}},
         {"image", {"Render pictures of a level file", image_command}},
         {"sample", {"Evaluate what a level stores at given points", sample_command}},
         {"gather", {"Directional integrals at given points by the baking code", gather_command}},
@@ -97,7 +98,10 @@ int main(int argc, char** argv) {
         print_error(fmt::format("kiln: `kiln --help` and `kiln COMMAND --help` list what there is\n"));
         return static_cast<int>(Exit::usage);
     }
-    for (const std::string& note : notes) print_error(fmt::format("kiln: note: {}\n", note));
+    const bool json = std::ranges::adjacent_find(words, [](const auto& a, const auto& b) { return a == "--log-format" && b == "json"; }) != words.end() ||
+                      std::ranges::find(words, "--log-format=json") != words.end();
+    for (const std::string& note : notes)
+        print_error(json ? fmt::format("{{\"event\":\"message\",\"message\":\"{}\"}}\n", note) : fmt::format("kiln: note: {}\n", note));
     try {
         for (const auto& [command, run] : runners)
             if (command->parsed()) return run();

@@ -16,6 +16,8 @@
 namespace kiln {
 namespace {
 
+constexpr double kFarthest = 1e6; // map units: beyond any world
+
 struct Point {
     bool surface = false;
     std::string id;
@@ -57,7 +59,7 @@ Result<std::vector<Point>> read_points(const std::string& path) {
         for (std::size_t i = 0; i < (p.surface ? 9u : 3u); ++i) {
             const std::string& word = parts[i + 2];
             const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), v[i]);
-            if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(v[i])) return bad("not a number");
+            if (error != std::errc() || end != word.data() + word.size() || !(std::abs(v[i]) <= kFarthest)) return bad("not a number within a million map units");
         }
         p.position = {v[0], v[1], v[2]}, p.normal = normalize(Vec3{v[3], v[4], v[5]}), p.tangent = normalize(Vec3{v[6], v[7], v[8]});
         if (p.surface && !(length(p.normal) > 0.5 && length(cross(p.normal, p.tangent)) > 0.5)) return bad("normal and tangent must span a frame");
@@ -78,6 +80,8 @@ std::vector<Direction> directions(const Point& p) {
     return {{"n", p.normal}, {"b1", f.world({-a, b, c})}, {"b2", f.world({-a, -b, c})}, {"b3", f.world({std::sqrt(2.0 / 3), 0, c})}};
 }
 
+constexpr std::uint32_t kMostRays = 1u << 20; // of a replicate
+
 using Row = std::pair<Rgbd, Rgbd>; // value, standard error
 std::string table(const std::vector<Point>& points, const std::vector<std::vector<Row>>& rows) {
     std::string out = "kind,id,dir,r,g,b,se_r,se_g,se_b\n";
@@ -92,10 +96,7 @@ std::string table(const std::vector<Point>& points, const std::vector<std::vecto
     return out;
 }
 int write_table(Console& console, const std::string& output, const std::string& text) {
-    if (output.empty()) {
-        std::fwrite(text.data(), 1, text.size(), stdout);
-        return 0;
-    }
+    if (output.empty()) return print_output(text);
     const auto written = write_file(output, text);
     return written ? 0 : console.fail(written.fault());
 }
@@ -138,15 +139,17 @@ int run_points(PointOptions& o, bool reference) {
     Context context = console.make_context(o.bake.thread_count());
     const auto points = read_points(o.points);
     if (!points) return console.fail(points.fault());
+    if (same_file(o.output, o.bake.map) || same_file(o.output, o.points))
+        return console.fail(fault(Exit::usage, "usage", "the output is one of the inputs", {.file = o.output}));
     Compiled c;
     if (reference) o.bake.compile.light.error_percent = 100; // its patches are not read
     if (const int code = compile_map(o.bake, console, context, Stage::light, c); code != 0) return code;
     const LightField field(c.world, c.bsp, c.bsp.planes, c.surfaces, c.lights, c.lighting);
     std::vector<std::vector<Row>> rows(points->size());
-    const std::uint32_t replicates = std::max(2u, o.replicates);
+    const std::uint32_t replicates = o.replicates;
     const double error = o.bake.compile.light.error_percent;
     std::uint32_t rays = 64; // noise of a bundle falls about as N^-0.7: 1024 rays at 5 %
-    while (rays < 65536 && (o.rays ? rays * replicates < o.rays : std::pow(rays, 0.7) < 128 * 5 / error / 2)) rays *= 2;
+    while (rays < kMostRays && (o.rays ? std::uint64_t{rays} * replicates < o.rays : std::pow(rays, 0.7) < 128 * 5 / error / 2)) rays *= 2;
     parallel_for(context, reference ? "path tracing" : "gathering", points->size(), [&](std::size_t i) {
         const Point& p = (*points)[i];
         const Vec3 normal = p.surface ? p.normal : Vec3{};
@@ -168,8 +171,9 @@ Command points_command(CLI::App& app, bool reference) {
     o->bake.add_to(app);
     app.add_option("--points", o->points, "CSV of points: kind,id,px,py,pz,nx,ny,nz,tx,ty,tz")->required()->type_name("FILE");
     app.add_option("-o,--output", o->output, "CSV of results (default: standard output)")->type_name("FILE");
-    app.add_option("--rays", o->rays, reference ? "Paths at a point (default 16384)" : "Rays at a point (default: by --error)")->type_name("N");
-    app.add_option("--replicates", o->replicates, "Independent repetitions for the standard errors (default 4)")->type_name("N");
+    app.add_option("--rays", o->rays, reference ? "Paths at a point, of all replicates (default 16384)" : "Rays at a point (default: by --error)")->check(CLI::Range(1, 1 << 30))->type_name("N");
+    app.add_option("--replicates", o->replicates, reference ? "Independent repetitions for the standard errors (default 16)" : "Independent repetitions for the standard errors (default 4)")
+        ->check(CLI::Range(2, 1024))->type_name("N");
     if (reference) o->rays = 16384, o->replicates = 16;
     return [o, reference] { return run_points(*o, reference); };
 }
@@ -210,7 +214,7 @@ Command sample_command(CLI::App& app) {
     app.add_option("level", o->level, "The level file")->required();
     app.add_option("--points", o->points, "CSV of points: kind,id,px,py,pz,nx,ny,nz,tx,ty,tz")->required()->type_name("FILE");
     app.add_option("-o,--output", o->output, "CSV of results (default: standard output)")->type_name("FILE");
-    app.footer("Surface points: the lightmap by the run-time formula for n, b1, b2, b3; free points: the ambient cube along the axes.\n"
+    app.footer("Surface points: the lightmap by the run-time formula for n, b1, b2, b3; free points: the ambient cube along the axes, without\nthe local lights listed with it. These are what the formats can represent: n is the irradiance itself, the others approximate it.\n"
                "example: kiln sample cornell.kiln --points cornell.points.csv");
     return [o]() -> int {
         Console console;
@@ -222,6 +226,11 @@ Command sample_command(CLI::App& app) {
         const std::unique_ptr<kiln_level, decltype(&kiln_level_close)> level(raw, kiln_level_close);
         const auto points = read_points(o->points);
         if (!points) return console.fail(points.fault());
+        if (same_file(o->output, o->level) || same_file(o->output, o->points))
+            return console.fail(fault(Exit::usage, "usage", "the output is one of the inputs", {.file = o->output}));
+        const char* what = "";
+        if (const kiln_status s = kiln_level_check(level.get(), &what); s != KILN_OK)
+            return console.fail(fault(Exit::input, "level-damaged", fmt::format("{}: {}", kiln_status_text(s), what), {.file = o->level}));
         std::vector<std::vector<Row>> rows(points->size());
         std::size_t missed = 0;
         for (std::size_t i = 0; i < points->size(); ++i) {
@@ -232,6 +241,8 @@ Command sample_command(CLI::App& app) {
                 const float n[3] = {static_cast<float>(d.world.x), static_cast<float>(d.world.y), static_cast<float>(d.world.z)};
                 float rgb[3] = {};
                 const kiln_status s = p.surface ? kiln_level_eval_rnm(level.get(), face, at, n, rgb) : kiln_level_ambient_eval(level.get(), at, n, rgb);
+                if (s != KILN_OK && s != KILN_NONE && s != KILN_BAD_ARGUMENT)
+                    return console.fail(fault(Exit::input, "level-damaged", kiln_status_text(s), {.file = o->level}));
                 if (s != KILN_OK) ++missed;
                 rows[i].push_back({{rgb[0], rgb[1], rgb[2]}, {}});
             }

@@ -151,7 +151,7 @@ TEST(Bsp, SealedRoomIsOneCluster) {
     const Built b = test::build(w.world);
     EXPECT_EQ(b.bsp.cluster_count, 1u);
     EXPECT_TRUE(b.bsp.portals.empty());
-    EXPECT_FALSE(b.bsp.leak);
+    EXPECT_FALSE(b.leak);
     EXPECT_EQ(b.bsp.area_count, 1u);
     EXPECT_TRUE(b.diagnostics.empty());
     double area = 0;
@@ -325,7 +325,7 @@ TEST(Bsp, ManySidedPillar) {
     w.prism(base, 0, 512);
     w.point_entity("light", {2900, 2900, 32});
     const Built b = test::build(w.world);
-    EXPECT_FALSE(b.bsp.leak);
+    EXPECT_FALSE(b.leak);
     EXPECT_EQ(b.leaves([](const BspLeaf& l) { return l.contents == Contents::solid; }) > 0, true);
     double open = 0, disc = 0;
     const auto polytopes = leaf_polytopes(b.bsp);

@@ -44,23 +44,23 @@ TEST(Leak, PathGoesThroughTheHole) {
     const EntityId far = w.point_entity("info_player_start", {20, 20, 20});
     const EntityId near = w.point_entity("light", {200, 100, 64});
     const Built b = test::build(w.world);
-    ASSERT_TRUE(b.bsp.leak);
-    EXPECT_NE(b.bsp.leak->entity, far);
-    EXPECT_EQ(b.bsp.leak->entity, near);
-    const Vec3 hole = b.bsp.leak->hole;
+    ASSERT_TRUE(b.leak);
+    EXPECT_NE(b.leak->entity, far);
+    EXPECT_EQ(b.leak->entity, near);
+    const Vec3 hole = b.leak->hole;
     EXPECT_GE(hole.x, 256);
     EXPECT_LE(hole.x, 272);
     EXPECT_DOUBLE_EQ(hole.y, 100.5);
     EXPECT_DOUBLE_EQ(hole.z, 40.5);
-    const auto& path = b.bsp.leak->path;
+    const auto& path = b.leak->path;
     EXPECT_EQ(path.front(), (Vec3{200, 100, 64}));
     EXPECT_EQ(path.back().x, 288); // the world's box, 16 beyond the wall
     expect_in_the_open(b, path);
     // Straight to the hole and straight out, but for the walls' clearance.
     EXPECT_NEAR(length_of(path), length(Vec3{56, 0.5, 23.5}) + 32, 1.0);
     // The four pieces around the hole.
-    ASSERT_GE(b.bsp.leak->near.size(), 4u);
-    EXPECT_THAT((std::vector<BrushId>{b.bsp.leak->near.begin(), b.bsp.leak->near.begin() + 4}),
+    ASSERT_GE(b.leak->near.size(), 4u);
+    EXPECT_THAT((std::vector<BrushId>{b.leak->near.begin(), b.leak->near.begin() + 4}),
                 testing::UnorderedElementsAre(BrushId{6}, BrushId{7}, BrushId{8}, BrushId{9}));
     ASSERT_EQ(b.count("leak"), 1u);
     EXPECT_EQ(b.diagnostics[0].severity, Severity::error);
@@ -77,11 +77,11 @@ TEST(Leak, PathTurnsAroundCorners) {
     w.box({120, 0, 0}, {136, 200, 128});
     w.point_entity("light", {40, 20, 32});
     const Built b = test::build(w.world);
-    ASSERT_TRUE(b.bsp.leak);
-    expect_in_the_open(b, b.bsp.leak->path);
+    ASSERT_TRUE(b.leak);
+    expect_in_the_open(b, b.leak->path);
     const double least = length(Vec3{80, 180, 0}) + 16 + length(Vec3{120, 152, 0}) + 32;
-    EXPECT_GT(length_of(b.bsp.leak->path), least - 1);
-    EXPECT_LT(length_of(b.bsp.leak->path), least * 1.02);
+    EXPECT_GT(length_of(b.leak->path), least - 1);
+    EXPECT_LT(length_of(b.leak->path), least * 1.02);
 }
 
 TEST(Leak, EachOpeningIsReported) {
@@ -91,8 +91,8 @@ TEST(Leak, EachOpeningIsReported) {
     w.point_entity("light", {200, 100, 64});
     const Built b = test::build(w.world);
     EXPECT_EQ(b.count("leak"), 2u);
-    ASSERT_TRUE(b.bsp.leak);
-    EXPECT_GT(b.bsp.leak->hole.x, 250); // the nearer
+    ASSERT_TRUE(b.leak);
+    EXPECT_GT(b.leak->hole.x, 250); // the nearer
     EXPECT_THAT(b.diagnostics[1].message, testing::HasSubstr("(0 192 64)"));
 }
 
@@ -100,7 +100,7 @@ TEST(Leak, AllowedLeakIsAWarningAndSeesEverything) {
     WorldBuilder w = room_with_hole(8, 100, 40);
     w.point_entity("light", {200, 100, 64});
     const Built b = test::build(w.world, {.allow_leaks = true});
-    ASSERT_TRUE(b.bsp.leak);
+    ASSERT_TRUE(b.leak);
     EXPECT_EQ(b.count("leak"), 1u);
     EXPECT_EQ(b.diagnostics[0].severity, Severity::warning);
     EXPECT_EQ(b.leaves([](const BspLeaf& l) { return l.outside; }), 0u);
@@ -113,8 +113,8 @@ TEST(Leak, EntityInTheVoid) {
     w.point_entity("light", {128, 128, 64});
     const EntityId lost = w.point_entity("light", {2000, 0, 0});
     const Built b = test::build(w.world);
-    ASSERT_TRUE(b.bsp.leak);
-    EXPECT_EQ(b.bsp.leak->entity, lost);
+    ASSERT_TRUE(b.leak);
+    EXPECT_EQ(b.leak->entity, lost);
     EXPECT_THAT(b.diagnostics[0].message, testing::HasSubstr("stands in the void"));
 }
 
@@ -124,20 +124,20 @@ TEST(Leak, EntityOnAnOuterFaceIsAWarning) {
     w.point_entity("light", {128, 128, 64});
     const EntityId on = w.point_entity("light", {-16, 100, 64});
     const Built b = test::build(w.world);
-    EXPECT_FALSE(b.bsp.leak);
+    EXPECT_FALSE(b.leak);
     ASSERT_EQ(b.count("entity-outside"), 1u);
     EXPECT_EQ(b.diagnostics[0].where.line, b.world.entities[on.at()].line);
     // But standing on the floor of an open room is no excuse.
     WorldBuilder open = room_with_hole(16, 100, 40);
     open.point_entity("info_player_start", {128, 128, 0});
-    EXPECT_TRUE(test::build(open.world).bsp.leak);
+    EXPECT_TRUE(test::build(open.world).leak);
 }
 
 TEST(Leak, DetailDoesNotSeal) {
     WorldBuilder w = room_with_hole(16, 100, 40);
     w.box({256, 90, 30}, {272, 130, 70}, Contents::detail);
     w.point_entity("light", {200, 100, 64});
-    EXPECT_TRUE(test::build(w.world).bsp.leak);
+    EXPECT_TRUE(test::build(w.world).leak);
 }
 
 TEST(Leak, MarksInTheVoidAreNoLeak) {
@@ -146,7 +146,7 @@ TEST(Leak, MarksInTheVoidAreNoLeak) {
     w.point_entity("env_cubemap", {128, 128, 64}); // shows where inside is
     w.point_entity("info_overlay", {-17, 100, 64});
     const Built b = test::build(w.world);
-    EXPECT_FALSE(b.bsp.leak);
+    EXPECT_FALSE(b.leak);
     EXPECT_TRUE(b.diagnostics.empty());
     EXPECT_EQ(b.bsp.cluster_count, 1u);
 }
@@ -159,7 +159,7 @@ TEST(Leak, BrushEntitiesAndMergedOnesAreNotPlaced) {
     w.box({100, 100, 0}, {120, 120, 100}, Contents::solid, door);
     w.world.entities.back().origin = {2000, 0, 0}, w.world.entities.back().has_origin = true;
     w.point_entity("func_detail", {3000, 0, 0});
-    EXPECT_FALSE(test::build(w.world).bsp.leak);
+    EXPECT_FALSE(test::build(w.world).leak);
 }
 
 TEST(MicroGap, NarrowSlitsAreClosedAndReported) {
@@ -172,9 +172,9 @@ TEST(MicroGap, NarrowSlitsAreClosedAndReported) {
         w.box({256, 100 + gap, 0}, {272, 256, 128});
         w.point_entity("light", {128, 128, 64});
         const Built b = test::build(w.world);
-        EXPECT_EQ(b.bsp.leak.has_value(), gap > 0.2) << gap;
+        EXPECT_EQ(b.leak.has_value(), gap > 0.2) << gap;
         ASSERT_EQ(b.count("micro-gap"), gap > 0.2 ? 0u : 1u) << gap;
-        if (b.bsp.leak) continue;
+        if (b.leak) continue;
         EXPECT_THAT(b.diagnostics[0].message, testing::HasSubstr("0.0625 units wide"));
         EXPECT_THAT(b.diagnostics[0].message, testing::HasSubstr("100.031 64)"));
         EXPECT_TRUE(b.bsp.leaves[leaf_at(b.bsp, {300, 300, 300}).at()].outside ||
@@ -188,7 +188,7 @@ TEST(MicroGap, NarrowSlitsAreClosedAndReported) {
     w.box({256, 100.0625, 0}, {272, 256, 128});
     w.point_entity("light", {128, 128, 64});
     const Built b = test::build(w.world, {.micro_gap = 0});
-    EXPECT_TRUE(b.bsp.leak);
+    EXPECT_TRUE(b.leak);
 }
 
 // A sky lid whose edge is a hair askew to the wall's (as in a published level): between the two planes lies a leaf
@@ -205,7 +205,7 @@ TEST(MicroGap, ThinLeavesAlongWallsAreNoWayOut) {
     w.prism(lid, 256, 272);
     w.point_entity("light", {256, 256, 128});
     const Built b = test::build(w.world);
-    EXPECT_FALSE(b.bsp.leak);
+    EXPECT_FALSE(b.leak);
     EXPECT_EQ(b.count("micro-gap"), 1u);
     // The wall beside the thin leaf is still seen, all of it.
     double wall = 0;
@@ -214,7 +214,7 @@ TEST(MicroGap, ThinLeavesAlongWallsAreNoWayOut) {
             wall += test::polygon_area(points(b.bsp.planes, v.polygon));
     EXPECT_NEAR(wall, 512 * 256, 1e-6);
     // Without the option it is the leak it is.
-    EXPECT_TRUE(test::build(w.world, {.micro_gap = 0}).bsp.leak);
+    EXPECT_TRUE(test::build(w.world, {.micro_gap = 0}).leak);
 }
 
 TEST(MicroGap, CracksThatLeadNowhereAreNotReported) {
@@ -224,7 +224,7 @@ TEST(MicroGap, CracksThatLeadNowhereAreNotReported) {
     w.box({272, 100.0625, 0}, {288, 256, 128});
     w.point_entity("light", {128, 128, 64});
     const Built b = test::build(w.world);
-    EXPECT_FALSE(b.bsp.leak);
+    EXPECT_FALSE(b.leak);
     EXPECT_EQ(b.count("micro-gap"), 0u);
     EXPECT_EQ(b.bsp.cluster_count, 1u); // the crack is outside
 }
@@ -234,7 +234,7 @@ TEST(Fill, WithoutEntitiesTheSealedInsideStays) {
     w.room({0, 0, 0}, {256, 256, 128});
     const Built b = test::build(w.world);
     EXPECT_EQ(b.count("no-entity-inside"), 1u);
-    EXPECT_FALSE(b.bsp.leak);
+    EXPECT_FALSE(b.leak);
     EXPECT_EQ(b.bsp.cluster_count, 1u);
     EXPECT_EQ(b.bsp.leaves[leaf_at(b.bsp, {128, 128, 64}).at()].outside, false);
     EXPECT_EQ(b.bsp.leaves[leaf_at(b.bsp, {-20, 0, 0}).at()].outside, true);

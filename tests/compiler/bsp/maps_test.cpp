@@ -26,7 +26,7 @@ TEST_P(RealMap, IsSealedOrNotAndPointsAreWhereTheBrushesSay) {
     const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     for (const Diagnostic& d : b.diagnostics)
         if (d.code == "leak" && !GetParam().leaks) ADD_FAILURE() << to_text(d);
-    EXPECT_EQ(b.bsp.leak.has_value(), GetParam().leaks);
+    EXPECT_EQ(b.leak.has_value(), GetParam().leaks);
     std::printf("%-46s %6zu nodes %6zu leaves %5u clusters %5zu portals %3u areas %6zu visible %3zu micro-gaps  %.0f ms with csg\n",
                 GetParam().path, b.bsp.nodes.size(), b.bsp.leaves.size(), b.bsp.cluster_count, b.bsp.portals.size(),
                 b.bsp.area_count, b.bsp.visible.size(), b.count("micro-gap"), ms);

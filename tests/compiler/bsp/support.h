@@ -10,6 +10,7 @@ struct Built {
     World world;
     Csg csg;
     Bsp bsp;
+    std::optional<Leak> leak;
     std::vector<Diagnostic> diagnostics;
 
     std::size_t count(std::string_view code) const {
@@ -40,6 +41,18 @@ inline Built build(World world, const BspOptions& options = {}) {
         return b;
     }
     b.bsp = std::move(*bsp);
+    auto leaks = find_leaks(b.world, b.csg, b.bsp, options, context);
+    if (!leaks) {
+        ADD_FAILURE() << to_text(leaks.fault().diagnostic);
+        return b;
+    }
+    b.leak = std::move(leaks->leak);
+    if (b.leak) { // as the whole compiler does it where leaks are allowed
+        BspOptions open = options;
+        open.fill = false;
+        b.bsp = *build_bsp(b.world, b.csg, open, context);
+        EXPECT_TRUE(b.bsp.closed.empty());
+    }
     b.diagnostics = context.take_diagnostics();
     validate(b.bsp, b.csg);
     return b;

@@ -1,3 +1,4 @@
+#include "libs/sampling/sobol.h"
 #include "tests/compiler/light/scenes.h"
 #include <gtest/gtest.h>
 #include <numbers>
@@ -30,4 +31,238 @@ TEST(Bake, FurnaceIsPiEverywhere) {
     Rgbd sum;
     b->field->arriving({100, 100, 50}, {}, 1024, 3, [&](Vec3 d, Rgbd w) { sum += w * std::max(0.0, d.x); });
     for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(sum[c], kPi, 0.005 * kPi);
+}
+
+namespace {
+
+Light point_light(Vec3 at, Rgb intensity) {
+    Light l;
+    l.position = at, l.intensity = intensity;
+    return l;
+}
+std::size_t texel_of(const Surfaces& s, const Luxel& l) {
+    const Chart& c = s.charts[l.chart.at()];
+    return c.first_texel + l.y * c.width + l.x;
+}
+Vec3 center_of(const Surfaces& s, const Luxel& l) {
+    const Chart& c = s.charts[l.chart.at()];
+    return c.origin + (c.s * l.centroid.x + c.t * l.centroid.y) * c.luxel_size;
+}
+
+} // namespace
+
+// E = I cos / r^2.
+TEST(Bake, PointLightOnABlackFloor) {
+    SurfacesBuilder scene;
+    const MaterialId black = scene.material({});
+    scene.rect({-128, -128, 0}, {256, 0, 0}, {0, 256, 0}, black, {.luxel = 4});
+    const auto b = bake(std::move(scene), {.directional = Directional::all}, {point_light({0, 0, 64}, {4096, 8192, 0})});
+    for (const Luxel& l : b->scene.surfaces.luxels) {
+        const Vec3 d = Vec3{0, 0, 64} - center_of(b->scene.surfaces, l);
+        const double e = 4096 * 64 / std::pow(length(d), 3);
+        EXPECT_NEAR(b->lighting.flat[texel_of(b->scene.surfaces, l)].x, e, 5e-3 * e);
+        EXPECT_NEAR(b->lighting.flat[texel_of(b->scene.surfaces, l)].y, 2 * e, 1e-2 * e);
+        const auto& rnm = b->lighting.rnm[texel_of(b->scene.surfaces, l)];
+        EXPECT_NEAR((rnm[0].x + rnm[1].x + rnm[2].x) / std::sqrt(3.0), b->lighting.flat[texel_of(b->scene.surfaces, l)].x, 1e-5 * e);
+    }
+    // The table of the study: distance 1, offset 0, .5, 1, 2.
+    const double offsets[][2] = {{0, 1}, {32, .71554175}, {64, .35355339}, {128, .08944272}};
+    for (const auto& [x, e] : offsets)
+        EXPECT_NEAR(irradiance(*b->field, {x == 128 ? 127.99 : x, 0, 0}, {0, 0, 1}, 64).x, e, 1e-3);
+}
+
+// Parallel squares at distance 1: mean irradiance of the one is pi F.
+TEST(Bake, ParallelSquares) {
+    SurfacesBuilder scene;
+    const MaterialId black = scene.material({}), lamp = scene.material({}, {1, 1, 1});
+    scene.rect({0, 0, 0}, {64, 0, 0}, {0, 64, 0}, black, {.luxel = 4});
+    scene.rect({0, 0, 64}, {0, 64, 0}, {64, 0, 0}, lamp, {.luxel = 64});
+    const auto b = bake(std::move(scene));
+    double sum = 0, area = 0;
+    for (const Luxel& l : b->scene.surfaces.luxels)
+        if (l.chart.value == 0) sum += b->lighting.flat[texel_of(b->scene.surfaces, l)].x * l.area, area += l.area;
+    EXPECT_NEAR(sum / area, kPi * 0.1998248957, 2e-3 * kPi * 0.2);
+}
+
+// Half a lamp behind a half-plane: the exact penumbra, in the bake and in both ways of asking the field.
+TEST(Bake, Penumbra) {
+    SurfacesBuilder scene;
+    const MaterialId black = scene.material({}), lamp = scene.material({}, {10, 10, 10});
+    scene.rect({-100, -100, 0}, {200, 0, 0}, {0, 200, 0}, black, {.luxel = 4});
+    scene.rect({-32, -32, 128}, {0, 64, 0}, {64, 0, 0}, lamp);
+    scene.rect({0, -400, 64}, {400, 0, 0}, {0, 800, 0}, black, {.chart = false}); // x > 0 at half height, both sides
+    scene.rect({0, -400, 64}, {0, 800, 0}, {400, 0, 0}, black, {.chart = false});
+    const auto b = bake(std::move(scene), {.error_percent = 2});
+    for (const double x : {-16.0, -8.0, 0.0, 8.0}) {
+        // Seen from x the edge at half height cuts the lamp at -x (+ moves the lamp's own centre).
+        const std::vector<Vec3> seen{{-32, -32, 128}, {std::clamp(-x, -32.0, 32.0), -32, 128}, {std::clamp(-x, -32.0, 32.0), 32, 128}, {-32, 32, 128}};
+        double factor = 0;
+        { // Lambert by brute force, to depend on nothing of ours
+            const int n = 200;
+            const double w = seen[1].x + 32;
+            for (int i = 0; i < n; ++i)
+                for (int j = 0; j < n; ++j) {
+                    const Vec3 d{-32 + w * (i + .5) / n - x, -32 + 64 * (j + .5) / n, 128};
+                    factor += 128 * 128 / (kPi * dot(d, d) * dot(d, d)) * w * 64 / (n * n);
+                }
+        }
+        const double expected = 10 * kPi * factor;
+        EXPECT_NEAR(irradiance(*b->field, {x, 0, 0}, {0, 0, 1}, 4096).x, expected, 0.04 * expected) << x;
+        Rgbd reference;
+        reference_arriving(*b->field, {x, 0, 0}, {0, 0, 1}, 16384, 5, [&](Vec3 d, Rgbd w) { reference += w * d.z; });
+        EXPECT_NEAR(reference.x, expected, 0.04 * expected) << x;
+    }
+    for (const Luxel& l : b->scene.surfaces.luxels) // nothing beyond the shadow: the lamp's edge through the plane's
+        if (center_of(b->scene.surfaces, l).z < 1 && center_of(b->scene.surfaces, l).x > 36) {
+            EXPECT_LT(b->lighting.flat[texel_of(b->scene.surfaces, l)].x, 1e-6);
+        }
+}
+
+// A uniform sky over a plane: pi L; at the floor of a trench as deep as half its width: the rest is black walls.
+TEST(Bake, UniformSky) {
+    SurfacesBuilder scene;
+    const MaterialId black = scene.material({}), sky = scene.material({}, {}, kSky);
+    std::array<MaterialId, 6> sides{sky, sky, sky, sky, black, sky};
+    for (std::size_t i = 0; i < 6; ++i)
+        if (i != 4) sides[i] = MaterialId{};
+    scene.room({{-256, -256, 0}, {256, 256, 256}}, sides, {.luxel = 16});
+    sides = {sky, sky, sky, sky, MaterialId{}, sky};
+    scene.room({{-256, -256, 0}, {256, 256, 256}}, sides, {.sky = true});
+    Light dome;
+    dome.kind = LightKind::sky, dome.intensity = {2, 1, 0.5f};
+    const auto b = bake(std::move(scene), {.directional = Directional::all}, {dome});
+    for (const Luxel& l : b->scene.surfaces.luxels) {
+        const Rgb e = b->lighting.flat[texel_of(b->scene.surfaces, l)];
+        EXPECT_NEAR(e.x, 2 * kPi, 0.01 * kPi);
+        EXPECT_NEAR(e.z, 0.5 * kPi, 0.005 * kPi);
+    }
+    EXPECT_EQ(b->lighting.escaped_rays, 0u);
+    // Straight sun of irradiance 3 through the same sky: E = 3 sin(elevation).
+    Light sun;
+    sun.kind = LightKind::sun, sun.direction = normalize(Vec3{1, 0, -1}), sun.intensity = {3, 3, 3};
+    Rgbd e;
+    const auto c = bake(b->scene, {}, {sun});
+    c->field->arriving_direct({0, 0, 0}, {0, 0, 1}, 1, [&](Vec3 d, Rgbd w) { e += w * d.z; });
+    EXPECT_NEAR(e.x, 3 / std::sqrt(2.0), 1e-9);
+}
+
+// Everything that is emitted is absorbed: sum A (1 - rho) H = sum A M.
+TEST(Bake, EnergyBalance) {
+    const auto b = bake(two_rooms(20));
+    double emitted = 0, absorbed = 0;
+    for (std::size_t p = 0; p < b->lighting.patches.size(); ++p) {
+        const Patch& patch = b->lighting.patches[p];
+        emitted += patch.area * patch.emission.x;
+        if (patch.reflectance.x > 0) {
+            const double h = (b->lighting.radiosity[p].x - patch.emission.x) / patch.reflectance.x;
+            absorbed += patch.area * (1 - patch.reflectance.x) * h;
+        }
+    }
+    EXPECT_NEAR(absorbed / emitted, 1, 0.02); // rows are sampled
+}
+
+// The bake against the path tracer on the two rooms of the study, in the lit room and the dark one, by luxel; and its
+// own estimate must not promise much less than the error found.
+TEST(Bake, TwoRoomsAgainstThePathTracer) {
+    const auto b = bake(two_rooms(), {.error_percent = 5});
+    const Surfaces& s = b->scene.surfaces;
+    double square = 0, area = 0, mean_true = 0;
+    std::vector<std::pair<double, double>> pairs;
+    for (std::size_t i = 0; i < s.luxels.size(); i += 41) {
+        const Luxel& l = s.luxels[i];
+        const Vec3 n = s.charts[l.chart.at()].n;
+        if (l.area < 0.99) continue;
+        double truth = 0;
+        const Sobol points(i);
+        for (std::uint32_t k = 0; k < 64; ++k) {
+            const Vec2 u = points.pair(k, 0);
+            const Chart& c = s.charts[l.chart.at()];
+            const Vec3 p = c.origin + (c.s * (l.x + u.x) + c.t * (l.y + u.y)) * c.luxel_size;
+            reference_arriving(*b->field, p, n, 64, mix(i, k), [&](Vec3 d, Rgbd w) { truth += w.x * std::max(0.0, dot(d, n)) / 64; });
+        }
+        pairs.emplace_back(b->lighting.flat[texel_of(s, l)].x, truth);
+        mean_true += truth;
+    }
+    mean_true /= static_cast<double>(pairs.size());
+    for (const auto& [got, truth] : pairs) {
+        const double e = (got - truth) / std::max(truth, 0.02 * mean_true);
+        square += e * e, area += 1;
+    }
+    const double error = 100 * std::sqrt(square / area); // the path tracer's own noise, about 3 %, is in it
+    EXPECT_LT(error, 6);
+    EXPECT_LT(b->lighting.error.estimate, 5);
+    EXPECT_GT(b->lighting.error.estimate, 0.3 * std::sqrt(std::max(0.0, error * error - 9)));
+}
+
+// Twice the light, twice the irradiance; two lights, the sum of both.
+TEST(Bake, LinearInItsLights) {
+    SurfacesBuilder scene;
+    const MaterialId grey = scene.material({0.5f, 0.5f, 0.5f});
+    scene.room({{0, 0, 0}, {128, 128, 96}}, all(grey));
+    const Light a = point_light({30, 40, 60}, {900, 0, 0}), c = point_light({100, 90, 20}, {500, 0, 0});
+    const auto one = bake(scene, {}, {a}), two = bake(scene, {}, {c}), both = bake(scene, {}, {a, c});
+    double square = 0, count = 0, worst = 0;
+    for (const Luxel& l : scene.surfaces.luxels) {
+        const std::size_t t = texel_of(scene.surfaces, l);
+        const double sum = one->lighting.flat[t].x + two->lighting.flat[t].x;
+        const double e = both->lighting.flat[t].x / sum - 1;
+        square += e * e, ++count, worst = std::max(worst, std::abs(e));
+    }
+    EXPECT_LT(std::sqrt(square / count), 0.04); // each of the three bakes has a noise of 3 %
+    EXPECT_LT(worst, 0.2);
+}
+
+// A closed dark box inside a bright one, its walls thin and off every lattice: nothing gets in, whatever the offset.
+TEST(Bake, ThinWallsDoNotLeak) {
+    for (const double thickness : {4.0, 0.25}) {
+        SurfacesBuilder scene;
+        const MaterialId grey = scene.material({0.8f, 0.8f, 0.8f}), lamp = scene.material({0.5f, 0.5f, 0.5f}, {5, 5, 5});
+        const Box3 inside{{41.3, 37.7, 21.1}, {83.9, 90.2, 61.7}};
+        Box3 outside = inside;
+        outside.lo = outside.lo - Vec3{thickness, thickness, thickness}, outside.hi = outside.hi + Vec3{thickness, thickness, thickness};
+        scene.room({{0, 0, 0}, {128, 128, 96}}, all(lamp));
+        const std::uint32_t first = static_cast<std::uint32_t>(scene.surfaces.charts.size());
+        scene.room(inside, all(grey));
+        const std::uint32_t last = static_cast<std::uint32_t>(scene.surfaces.charts.size());
+        scene.block(outside, all(grey));
+        const auto b = bake(std::move(scene));
+        for (const Luxel& l : b->scene.surfaces.luxels) {
+            const Rgb e = b->lighting.flat[texel_of(b->scene.surfaces, l)];
+            if (l.chart.value >= first && l.chart.value < last) EXPECT_EQ(e.x, 0);
+            else EXPECT_GT(e.x, 1);
+        }
+        EXPECT_EQ(b->lighting.back_face_rays, 0u);
+        EXPECT_EQ(b->lighting.escaped_rays, 0u);
+    }
+}
+
+TEST(Bake, SameBytesForAnyNumberOfThreads) {
+    const std::vector<Light> lights{point_light({250, 60, 80}, {3000, 2000, 1000})};
+    const LightOptions options{.error_percent = 10, .directional = Directional::all};
+    const Bytes one = to_bytes(bake(two_rooms(20), options, lights, 1)->lighting);
+    EXPECT_EQ(one, to_bytes(bake(two_rooms(20), options, lights, 2)->lighting));
+    EXPECT_EQ(one, to_bytes(bake(two_rooms(20), options, lights, 7)->lighting));
+}
+
+// An empty world, a world without light, faces without charts: defined results.
+TEST(Bake, NothingToDo) {
+    const auto empty = bake(SurfacesBuilder{});
+    ASSERT_TRUE(empty);
+    EXPECT_TRUE(empty->lighting.patches.empty());
+    SurfacesBuilder scene;
+    scene.room({{0, 0, 0}, {64, 64, 64}}, all(scene.material({0.5f, 0.5f, 0.5f})), {.chart = false});
+    const auto dark = bake(std::move(scene));
+    EXPECT_EQ(dark->lighting.patches.size(), 6u);
+    EXPECT_EQ(dark->lighting.error.estimate, 0);
+}
+
+// Asked to stop, it stops with the fault that leads to exit 7.
+TEST(Bake, Cancelled) {
+    SurfacesBuilder scene = two_rooms(20);
+    std::atomic<bool> stop = true;
+    Context context;
+    context.stop = &stop;
+    const auto r = bake_light(scene.world, {}, {}, scene.surfaces, {}, {}, context);
+    ASSERT_FALSE(r);
+    EXPECT_EQ(r.fault().exit, Exit::cancelled);
 }

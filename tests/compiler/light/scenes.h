@@ -31,7 +31,7 @@ inline SurfacesBuilder two_rooms(double luxel = 10) {
     holes[2] = {Rect{0, 180, 160, 190}};                     // y = 0: along z, x
     holes[3] = holes[2];
     holes[4] = {Rect{180, 0, 190, 120}, Rect{180, 180, 190, 320}, Rect{60, 200, 120, 260}}; // along x, y
-    holes[5] = {Rect{180, 0, 190, 320}};
+    holes[5] = {Rect{180, 0, 190, 320}, Rect{60, 60, 100, 100}};
     b.room({{0, 0, 0}, {320, 320, 160}}, {x, x, y0, y1, floor, ceiling}, o, holes);
     for (const double side : {180.0, 190.0}) {
         const Vec3 corner{side, 0, 0};
@@ -45,7 +45,7 @@ inline SurfacesBuilder two_rooms(double luxel = 10) {
     auto sides = all(block);
     sides[4] = MaterialId{};
     b.block({{60, 200, 0}, {120, 260, 60}}, sides, o);
-    b.rect({60, 60, 159.2}, {0, 40, 0}, {40, 0, 0}, lamp, o);  // lamp, facing down
+    b.rect({60, 60, 160}, {0, 40, 0}, {40, 0, 0}, lamp, o);    // lamp, facing down
     return b;
 }
 

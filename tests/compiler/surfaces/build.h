@@ -24,7 +24,7 @@ inline Built build(const World& world, bool allow_leaks = false, int threads = 1
     if (!csg) throw std::runtime_error(to_text(csg.fault().diagnostic));
     built.csg = *std::move(csg);
     BspOptions bsp_options;
-    bsp_options.allow_leaks = allow_leaks;
+    bsp_options.fill = !allow_leaks;
     Result<Bsp> bsp = build_bsp(world, built.csg, bsp_options, context);
     if (!bsp) throw std::runtime_error(to_text(bsp.fault().diagnostic));
     built.bsp = *std::move(bsp);

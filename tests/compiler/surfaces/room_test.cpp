@@ -158,6 +158,53 @@ TEST(Surfaces, WaterShowsFromBothSidesAndLetsLightThrough) {
     EXPECT_EQ(unmatched_hull_edges(s), 0u);
 }
 
+// A slit that counts as closed: what closes it is black, blocks, and leaves the walls as they are.
+TEST(Surfaces, MicroGapsAreClosedByUndrawnFaces) {
+    for (const bool detail_in_it : {false, true}) {
+        WorldBuilder b;
+        auto walls = b.room({0, 0, 0}, {256, 256, 128});
+        b.world.brushes[walls[1].at()].contents = Contents::trigger;
+        b.box({256, 0, 0}, {272, 100, 128});
+        b.box({256, 100.0625, 0}, {272, 256, 128});
+        if (detail_in_it) b.box({250, 90, 32}, {280, 110, 64}, Contents::detail); // through the wall
+        b.point_entity("info_player_start", {128, 128, 64});
+        const Built built = build(b.world);
+        EXPECT_TRUE(built.reported("micro-gap"));
+        const Surfaces& s = built.surfaces;
+        EXPECT_EQ(unmatched_hull_edges(s), 0u) << detail_in_it;
+        double closed = 0, drawn = 0;
+        for (const Face& f : s.faces) {
+            if (f.drawn) {
+                if (f.normal == Vec3{-1, 0, 0} && f.distance == -256) drawn += f.area;
+                continue;
+            }
+            closed += f.area; // at the wall's face, or behind it and at the slit's two ends
+            EXPECT_TRUE(f.blocks_light && f.hull && !f.sky && !f.chart.valid() && f.side.valid() && f.material.valid());
+            EXPECT_TRUE(f.normal.x == -1 || std::abs(f.normal.z) == 1);
+            EXPECT_EQ(f.clusters.size(), 1u);
+        }
+        const double slit = 0.0625 * (detail_in_it ? 96 : 128);
+        EXPECT_TRUE(std::abs(closed - slit) < 1e-9 || std::abs(closed - slit - 0.0625 * 2 * 16) < 1e-9) << closed;
+        EXPECT_NEAR(drawn, 256 * 128 - 0.0625 * 128 - (detail_in_it ? 32 * (20 - 0.0625) : 0), 1e-6);
+    }
+}
+
+// A lid a hair askew to the wall under it: the leaf between the two planes is inside, beside the wall and beyond it.
+TEST(Surfaces, ThinLeavesOfTheInsideAreClosedWhereTheyLeaveIt) {
+    WorldBuilder b;
+    b.box({-16, -16, -16}, {528, 528, 0});
+    b.box({-16, 0, 0}, {0, 512, 256});
+    b.box({512, 0, 0}, {528, 512, 256});
+    b.box({-16, -16, 0}, {528, 0, 256});
+    b.box({-16, 512, 0}, {528, 528, 256});
+    const std::vector<Vec2> lid{{0.08, -16}, {528, -16}, {528, 528}, {0, 528}};
+    b.prism(lid, 256, 272);
+    b.point_entity("light", {256, 256, 128});
+    const Built built = build(b.world);
+    EXPECT_FALSE(built.bsp.closed.empty());
+    EXPECT_EQ(unmatched_hull_edges(built.surfaces), 0u);
+}
+
 TEST(Surfaces, BrushModelsKeepTheirOwnFaces) {
     WorldBuilder b;
     sealed_room(b, {0, 0, 0}, {256, 256, 128});

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <gtest/gtest.h>
 #include <iterator>
+#include <map>
 #include <numbers>
 
 namespace kiln {
@@ -261,6 +262,47 @@ TEST(World, BytesComeBack) {
     ASSERT_TRUE(w);
     const Bytes bytes = to_bytes(*w);
     EXPECT_EQ(to_bytes(from_bytes<World>(bytes)), bytes);
+}
+
+std::string key(const std::string& k, const std::string& v) { return "\"" + k + "\" \"" + v + "\"\n"; }
+
+// As TrenchBroom writes layers: the outermost group or a lone entity names its layer, what is in a group names the group.
+TEST(World, LayersOmittedFromExportAreLeftOut) {
+    const auto layer = [](const std::string& id, bool omit) {
+        return entity("func_group", key("_tb_type", "_tb_layer") + key("_tb_id", id) +
+                                        (omit ? key("_tb_layer_omit_from_export", "1") : "") + box({"wall"}));
+    };
+    const auto group = [](const std::string& id, const std::string& parent) {
+        return entity("func_group", key("_tb_type", "_tb_group") + key("_tb_id", id) + parent + box({"wall"}));
+    };
+    const std::string rest = layer("3", true) + layer("4", false) + group("5", key("_tb_layer", "3")) + group("6", key("_tb_group", "5")) +
+                             group("7", key("_tb_layer", "4")) + entity("light", key("_tb_group", "6")) +
+                             entity("light", key("_tb_layer", "3")) + entity("info_null", key("_tb_layer", "4")) +
+                             entity("info_null", key("_tb_group", "7")) + entity("info_player_start");
+    const auto classes = [](const World& w) {
+        std::map<std::string, int> n;
+        for (const WorldEntity& e : w.entities) ++n[std::string(e.get("classname"))];
+        return n;
+    };
+    Context c;
+    const Result<World> w = build(entity("worldspawn", box({"wall"})) + rest, c);
+    ASSERT_TRUE(w);
+    EXPECT_EQ(classes(*w), (std::map<std::string, int>{{"worldspawn", 1}, {"func_group", 2}, {"info_null", 2}, {"info_player_start", 1}}));
+    EXPECT_EQ(w->brushes.size(), 3u); // worldspawn's, layer 4's, group 7's
+    ASSERT_EQ(count(c, "layer-omitted"), 1u);
+    EXPECT_EQ(first(c, "layer-omitted")->severity, Severity::note);
+    EXPECT_EQ(first(c, "layer-omitted")->message.substr(0, 26), "5 entities with 3 brushes ");
+
+    // The default layer omitted: what names no layer goes, worldspawn stays as an entity.
+    Context d;
+    const Result<World> rest_only = build(entity("worldspawn", key("_tb_layer_omit_from_export", "1") + box({"wall"})) + rest, d);
+    ASSERT_TRUE(rest_only);
+    EXPECT_EQ(classes(*rest_only), (std::map<std::string, int>{{"worldspawn", 1}, {"func_group", 2}, {"info_null", 2}}));
+    EXPECT_EQ(rest_only->brushes.size(), 2u);
+
+    // Groups that name each other in a circle belong to nowhere.
+    Context e;
+    EXPECT_TRUE(build(entity("worldspawn", box({"wall"})) + layer("3", true) + group("5", key("_tb_group", "6")) + group("6", key("_tb_group", "5")), e));
 }
 
 TEST(World, RealMaps) {

@@ -64,6 +64,58 @@ TEST(Bake, AnEntityThatLightsNothingRedoesNoGeometryVisOrLight) {
     EXPECT_EQ(b.level, bake(edited, ContentStore("")).level);
 }
 
+// Entities are asked only whether they are sealed in, and that costs no stage.
+TEST(Bake, MovingThePlayerStartInsideItsRoomRedoesNothing) {
+    const Workplace w;
+    const ContentStore store(w.path("cache"));
+    const auto with_start_at = [](double x, double y, double z) {
+        std::string text = two_rooms();
+        text.resize(text.find("{\n\"classname\" \"info_player_start\""));
+        return text + entity("info_player_start", x, y, z);
+    };
+    const Build first = bake(two_rooms(), store);
+    const std::string edited = with_start_at(110, 40, 30);
+    const Build b = bake(edited, store);
+    EXPECT_EQ(b.made, kNeverKept);
+    EXPECT_NE(b.level, first.level); // it says where the start is
+    EXPECT_EQ(b.level, bake(edited, ContentStore("")).level);
+    // Through the door: the same region, the same light; only the probe that nobody placed may have to look again.
+    const std::string other = with_start_at(20, 20, 30);
+    const Build c = bake(other, store);
+    for (const char* stage : {"csg", "bsp", "visibility", "surfaces", "light", "ambient"}) EXPECT_FALSE(c.made.contains(stage)) << stage;
+    EXPECT_EQ(c.level, bake(other, ContentStore("")).level);
+}
+
+// The leak test is no part of what the cache keeps: an edit that lets the void in is found on a warm cache.
+TEST(Bake, AStartMovedIntoTheVoidIsALeakOnAWarmCache) {
+    const Workplace w;
+    const ContentStore store(w.path("cache"));
+    bake(two_rooms(), store);
+    const std::string lost = two_rooms(entity("info_null", 3000, 0, 0));
+    CompileInput input;
+    input.map = {"test.map", Bytes(lost.begin(), lost.end())};
+    CompileRun run;
+    run.store = &store;
+    run.last = Stage::bsp;
+    CompileOptions options;
+    {
+        Context context;
+        Compiled out;
+        const auto done = compile(input, options, run, context, out);
+        ASSERT_FALSE(done);
+        EXPECT_EQ(done.fault().diagnostic.code, "leak");
+        EXPECT_TRUE(out.leak);
+        ASSERT_FALSE(out.stages.empty());
+        EXPECT_TRUE(out.stages.back().cached);
+    }
+    options.bsp.allow_leaks = true;
+    Context context;
+    Compiled out;
+    ASSERT_TRUE(compile(input, options, run, context, out));
+    EXPECT_TRUE(out.leak);
+    for (const BspLeaf& l : out.bsp.leaves) EXPECT_FALSE(l.outside);
+}
+
 TEST(Bake, ALightEditRedoesLightAndWhatFollows) {
     const Workplace w;
     const ContentStore store(w.path("cache"));

@@ -1,5 +1,6 @@
 // Bad input as users meet it: a located message, the documented exit code, nothing half-written, no crash.
 #include "tests/support/program.h"
+#include <regex>
 
 using namespace kiln::test;
 
@@ -198,4 +199,21 @@ TEST(Cli, DamagedLevelsAreRefused) {
     for (std::size_t n = 0; n < level.size(); n += level.size() / 9 + 1)
         EXPECT_EQ(w.run({"info", "--check", w.write("cut.kiln", level.substr(0, n))}).code, 3) << n;
     EXPECT_EQ(w.run({"info", w.write("text.kiln", "no level")}).code, 3);
+}
+
+// Every code that the sources report is explained.
+TEST(Cli, EveryDiagnosticCodeIsExplained) {
+    const Workplace w;
+    const std::string known = w.run({"explain"}).out;
+    const std::regex code("(?:report\\(\\s*Severity::\\w+,\\s*|fault\\(\\s*Exit::\\w+,\\s*|tell\\([^\"]*Severity::\\w+,\\s*)\"([a-z0-9-]+)\"");
+    std::size_t found = 0;
+    for (const char* layer : {"libs", "formats", "compiler", "tools"})
+        for (const auto& e : std::filesystem::recursive_directory_iterator(std::filesystem::path(KILN_SOURCE_DIR) / layer)) {
+            if (e.path().extension() != ".cpp" && e.path().extension() != ".h") continue;
+            std::ifstream file(e.path());
+            const std::string text((std::istreambuf_iterator<char>(file)), {});
+            for (std::sregex_iterator i(text.begin(), text.end(), code), end; i != end; ++i, ++found)
+                EXPECT_NE(("\n" + known).find("\n" + (*i)[1].str() + ": "), std::string::npos) << (*i)[1] << " in " << e.path();
+        }
+    EXPECT_GT(found, 50u);
 }

@@ -1,0 +1,75 @@
+// One path tracer for two uses: the truth (`reference`), and the first few units around a point, where a lightmap is too
+// coarse to say what a surface close by sends.
+#pragma once
+#include "compiler/light/field_data.h"
+#include "libs/sampling/maps.h"
+#include <numbers>
+
+namespace kiln {
+
+// Choice of an emitter at one point.
+struct Choice {
+    std::vector<double> cumulative;
+    double total() const { return cumulative.empty() ? 0 : cumulative.back(); }
+    // Emitters no brighter than `least` are left to the rays that go on: what does not stand out makes no noise there.
+    void build(const EmitterSet& set, Vec3 x, Vec3 n, double least = 0) {
+        cumulative.clear();
+        double sum = 0;
+        for (std::uint32_t i = 0; i < set.emitters.size(); ++i) {
+            const double radiance = mean(set.emitters[i].radiance);
+            cumulative.push_back(sum += radiance > least ? radiance * set.bound(i, x, n) : 0);
+        }
+    }
+    double probability(std::uint32_t i) const {
+        return (cumulative[i] - (i ? cumulative[i - 1] : 0)) / total();
+    }
+    std::uint32_t pick(double u) const {
+        const auto at = std::upper_bound(cumulative.begin(), cumulative.end(), u * total());
+        return static_cast<std::uint32_t>(std::min<std::ptrdiff_t>(at - cumulative.begin(),
+                                                                    static_cast<std::ptrdiff_t>(cumulative.size()) - 1));
+    }
+};
+
+struct PathTracer {
+    const LightField::Data& d;
+
+    double density_of(const Choice& choice, std::uint32_t e, Vec3 d_to, double cosine) const { // solid angle
+        const double p = choice.total() > 0 ? choice.probability(e) : 0;
+        return p * dot(d_to, d_to) / (d.emitters.emitters[e].area * cosine);
+    }
+    // One explicit sample of an emitter: direction and radiance over density, weighted against `other` (density of the
+    // bundle in that direction).
+    template <class Other>
+    bool emitter_sample(const Choice& choice, Vec3 x, Vec3 n, double pick, Vec2 u, const Other& other, Vec3* way, Rgbd* weight) const {
+        if (!(choice.total() > 0)) return false;
+        const std::uint32_t e = choice.pick(pick);
+        const Emitter& emitter = d.emitters.emitters[e];
+        const Vec3 y = d.emitters.point_on(e, u), to = y - x;
+        const double r = length(to);
+        if (!(r > 0)) return false;
+        *way = to / r;
+        const double cosine = -dot(*way, emitter.normal);
+        if (cosine <= 1e-12 || (!(n == Vec3{}) && dot(*way, n) <= 0)) return false;
+        if (d.scene.occluded(x, y + emitter.normal * d.scene.push_off())) return false;
+        const double p = density_of(choice, e, to, cosine);
+        *weight = emitter.radiance / (p + other(*way));
+        return true;
+    }
+    // Irradiance from entities at a surface vertex.
+    Rgbd entities(Vec3 x, Vec3 n, Random& random) const {
+        Rgbd e;
+        for (const Light& light : d.lights) {
+            LightSample s;
+            const double a = random(), b = random();
+            if (!sample_light(light, x, n, {a, b}, &s)) continue;
+            if (!(s.distant ? d.scene.reaches_sky(x, s.direction) : !d.scene.occluded(x, s.position))) continue;
+            e += s.weight * dot(s.direction, n) + s.ambient;
+        }
+        return e;
+    }
+    // Radiance reflected at `hit` towards where the ray came from. `cached`: a vertex further than a luxel or two from
+    // the one before takes what the bake stored there, and the path ends.
+    Rgbd reflected(SceneHit hit, Vec3 came, Random& random, bool cached) const;
+};
+
+} // namespace kiln

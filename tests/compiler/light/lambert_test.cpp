@@ -1,0 +1,77 @@
+// Closed forms of form factors (Howell's catalogue, Lambert's formula).
+#include "compiler/light/emitters.h"
+#include "compiler/light/lambert.h"
+#include "tests/compiler/light/scenes.h"
+#include <gtest/gtest.h>
+#include <numbers>
+
+using namespace kiln;
+using namespace kiln::test;
+
+namespace {
+using Polygon = std::vector<Vec3>;
+double factor(const Polygon& p, Vec3 x = {}, Vec3 n = {0, 0, 1}) { return lambert_form_factor(x, n, p); }
+} // namespace
+
+TEST(Lambert, RectangleOverItsCornerAndItsCentre) {
+    EXPECT_NEAR(factor({{0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}}), 0.1385316060, 1e-9);
+    EXPECT_NEAR(factor({{-1, -1, 1}, {1, -1, 1}, {1, 1, 1}, {-1, 1, 1}}), 0.5541264240, 1e-9);
+    EXPECT_NEAR(factor({{-.5, -.5, 1}, {.5, -.5, 1}, {.5, .5, 1}, {-.5, .5, 1}}), 0.2394564705, 1e-9);
+}
+
+TEST(Lambert, PerpendicularRectangle) {
+    EXPECT_NEAR(factor({{1, 0, 0}, {1, 1, 0}, {1, 1, 1}, {1, 0, 1}}), 0.0557341970, 1e-9);
+}
+
+// Edges seen under more than 90 degrees: where asin in place of atan2 loses up to nine tenths.
+TEST(Lambert, LongStripsSeenFromNearby) {
+    EXPECT_NEAR(factor({{-1.5, -.5, 1}, {1.5, -.5, 1}, {1.5, .5, 1}, {-1.5, .5, 1}}), 0.408164, 1e-6);
+    EXPECT_NEAR(factor({{-4, -.5, 1}, {4, -.5, 1}, {4, .5, 1}, {-4, .5, 1}}), 0.444149, 1e-6);
+    EXPECT_NEAR(factor({{.1, -.5, 0}, {.1, .5, 0}, {.1, .5, 1}, {.1, -.5, 1}}), 0.422545, 1e-6);
+    EXPECT_NEAR(factor({{.1, -2, 0}, {.1, 2, 0}, {.1, 2, 1}, {.1, -2, 1}}), 0.449094, 1e-6);
+}
+
+TEST(Lambert, TrianglesAndTheHorizon) {
+    EXPECT_NEAR(factor({{1, -1, .5}, {1.5, 1, .2}, {.2, .3, 2}}), 0.1819806689, 1e-9);
+    EXPECT_NEAR(factor({{1, -1, -.5}, {1.5, 1, .2}, {.2, .3, 2}}), 0.1782415068, 1e-9);
+    EXPECT_NEAR(factor({{1, -.5, -.5}, {1, .5, -.5}, {1, .5, .5}, {1, -.5, .5}}), 0.0278553824, 1e-9);
+    EXPECT_EQ(factor({{1, -1, -1}, {1.5, 1, -.2}, {.2, .3, -2}}), 0);
+}
+
+// 2 x 2 light at height 4, an occluding half-plane x > e at height 2: what is left of the light is a rectangle.
+TEST(Lambert, PenumbraTable) {
+    const double expected[][2] = {{.5, .0734776307}, {.25, .0556557}, {0, .0367388}, {-.25, .0178219}};
+    for (const auto& [e, f] : expected)
+        EXPECT_NEAR(factor({{-1, -1, 4}, {2 * e, -1, 4}, {2 * e, 1, 4}, {-1, 1, 4}}), f, 1e-6) << e;
+}
+
+TEST(Lambert, SolidAngleOfAnOctantAndOfACubeFace) {
+    constexpr double pi = std::numbers::pi;
+    EXPECT_NEAR(solid_angle({}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}), pi / 2, 1e-12);
+    EXPECT_NEAR(solid_angle({}, {1, -1, -1}, {1, 1, -1}, {1, 1, 1}) * 2, 4 * pi / 6, 1e-12);
+}
+
+// Sampling an emitter: the solid angles it hands out add up to pi times the exact form factor wherever the point
+// stands: far, close, in the middle of it, behind its horizon; and no share of it is lost there.
+TEST(Emitters, SamplesAddUpToTheFormFactor) {
+    SurfacesBuilder b;
+    const MaterialId lamp = b.material({}, {1, 1, 1});
+    b.rect({0, 0, 100}, {0, 64, 0}, {96, 0, 0}, lamp, {}, {Rect{16, 16, 32, 48}});
+    const EmitterSet set(b.world, b.surfaces, {});
+    ASSERT_EQ(set.emitters.size(), 1u);
+    EXPECT_NEAR(set.emitters[0].area, 96 * 64 - 16 * 32, 1e-6);
+    const Sobol points(4);
+    for (const Vec3 x : {Vec3{40, 30, -900}, Vec3{40, 30, 0}, Vec3{10, 20, 98}, Vec3{300, 20, 60}, Vec3{48, 32, 90}})
+        for (const Vec3 n : {Vec3{0, 0, 1}, normalize(Vec3{1, 0, 0.2}), normalize(Vec3{-1, 2, 0.1}), Vec3{0, 1, 0}, Vec3{0, 0, -1}}) {
+            double sum = 0, by_solid_angle = 0;
+            for (std::uint32_t k = 0; k < 4; ++k)
+                set.sample(0, x, n, 16 * k, 16, points, 1e-5, [&](Vec3 y, Vec3 way, double solid, double irradiance) {
+                    EXPECT_NEAR(y.z, 100, 1e-9);
+                    sum += irradiance / 4, by_solid_angle += solid * dot(way, n) / 4;
+                });
+            const double expected = set.form_factor(0, x, n) * std::numbers::pi;
+            EXPECT_NEAR(sum, expected, 1e-9 + 1e-6 * expected) << x.x << " " << x.z << " n " << n.x << " " << n.y << " " << n.z;
+            EXPECT_NEAR(by_solid_angle, expected, 1e-6 + 0.05 * expected);
+            EXPECT_GE(set.bound(0, x, n) + 1e-12, set.form_factor(0, x, n));
+        }
+}
