@@ -94,7 +94,8 @@ TEST(Kernels, TiltedIsWhatItIs) {
     const ConeTable table(RnmEncoding::tilted, 30);
     const LuxelKernel kernel{Frame{}, RnmEncoding::tilted, &table};
     KernelSum sum;
-    for (const Incoming& i : lightings().back()) kernel.add(sum, i.direction, Rgbd{1, 1, 1} * i.weight);
+    const auto uniform_sky = lightings().back();
+    for (const Incoming& i : uniform_sky) kernel.add(sum, i.direction, Rgbd{1, 1, 1} * i.weight);
     const auto stored = kernel.finish(sum);
     for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(stored[i].x, 0.788675 * kPi, 2e-3);
     EXPECT_NEAR(rnm_evaluate(RnmEncoding::dot, stored, {0, 0, 1}).x, 1.366 * kPi, 5e-3);
@@ -106,7 +107,8 @@ TEST(Kernels, IntegralsOverTheHemisphere) {
         const ConeTable table(encoding, 30);
         const LuxelKernel kernel{Frame{}, encoding, &table};
         std::array<double, 4> sum{};
-        for (const Incoming& i : lightings().back()) {
+        const auto uniform_sky = lightings().back();
+        for (const Incoming& i : uniform_sky) {
             const auto k = kernel.values(i.direction);
             for (std::size_t j = 0; j < 4; ++j) sum[j] += k[j] * i.weight;
         }
