@@ -18,7 +18,6 @@ bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
 
 bool Bake::receives(std::uint32_t p) const {
     const Patch& patch = patches_.patches[p];
-    if (covered_[p]) return false;
     return max_component(patch.reflectance) > 0 || surfaces_.faces[patch.face.at()].chart.valid();
 }
 
