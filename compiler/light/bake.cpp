@@ -81,9 +81,9 @@ Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchT
     return patch == kNoPatch ? Rgbd{} : static_cast<Rgbd>(light.patch[patch]);
 }
 
-Bake::Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, const LightOptions& options,
-           Context& context)
-    : world_(world), surfaces_(surfaces), lights_(lights), options_(options), context_(context),
+Bake::Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, bool sealed,
+           const LightOptions& options, Context& context)
+    : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(sealed), context_(context),
       quality_(Quality::of(options)), scene_(world, surfaces), index_(surfaces),
       emitters_(world, surfaces, sky_radiance(lights)) {}
 
@@ -305,16 +305,19 @@ Lighting Bake::run() {
     for (std::size_t p = 0; p < n; ++p) area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
     floor_ = area > 0 ? options_.error_floor * sum / area : 0;
     rays_.assign(n, quality_.first_rays);
-    noise_.assign(n, 0);
+    noise_.assign(n, 0), noise_weight_.assign(n, 0);
     std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
     luxel_direct(again);
-    share_rays(0.6 * options_.error_percent / 100);
-    for (std::uint32_t p = 0; p < n; ++p)
-        if (rays_[p] > quality_.first_rays) again.push_back(p);
-    std::ranges::sort(again);
-    again.erase(std::unique(again.begin(), again.end()), again.end());
-    const auto one_in = static_cast<std::uint32_t>(std::clamp<std::size_t>(luxels / 1500, 1, 100));
+    const double target = options_.error_percent / 100;
+    const auto one_in = static_cast<std::uint32_t>(std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
+    double wanted = 0.6 * target;
     const auto gather = [&] {
+        const std::vector<std::uint32_t> before = rays_;
+        share_rays(wanted);
+        for (std::uint32_t p = 0; p < n; ++p)
+            if (rays_[p] > before[p]) again.push_back(p);
+        std::ranges::sort(again);
+        again.erase(std::unique(again.begin(), again.end()), again.end());
         constexpr int kRounds = 4; // more rays meet more lamps; what the last round meets stays with its rays
         for (int round = 1; round <= kRounds && !again.empty(); ++round) {
             again = add_emitters(gather_patches(again, round < kRounds ? Pass::again : Pass::last));
@@ -325,11 +328,10 @@ Lighting Bake::run() {
     PilotResult check = gather();
     // The estimate has the last word: noise comes in rare large strokes, which a first pass may miss.
     constexpr int kTopUps = 3;
-    for (int top_up = 0; top_up < kTopUps && std::hypot(check.gather, check.direct, check.bias) > options_.error_percent / 100; ++top_up) {
-        if (check.gather < check.direct || check.gather < check.bias) break; // more rays would not help
-        for (std::uint32_t p = 0; p < n; ++p)
-            if (rays_[p] < quality_.most_rays && !(patch_luxel_first_[p] == patch_luxel_first_[p + 1])) rays_[p] *= 2, again.push_back(p);
-        if (again.empty()) break;
+    for (int top_up = 0; top_up < kTopUps && std::hypot(check.gather, check.direct, check.bias) > target; ++top_up) {
+        const double room = target * target - check.direct * check.direct - check.bias * check.bias;
+        if (room < 0.04 * target * target) break; // more rays would not help
+        wanted *= std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
         check = gather();
     }
     fill();
@@ -400,10 +402,12 @@ void Bake::fill() {
     }
 }
 
-Result<Lighting> bake_light(const World& world, const Bsp&, const PlaneTable&, const Surfaces& surfaces,
+Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable&, const Surfaces& surfaces,
                             const std::vector<Light>& lights, const LightOptions& options, Context& context) {
     try {
-        Bake bake(world, surfaces, lights, options, context);
+        // A filled world lets nothing out; one compiled with its leaks does.
+        const bool sealed = std::ranges::any_of(bsp.leaves, &BspLeaf::outside);
+        Bake bake(world, surfaces, lights, sealed, options, context);
         return bake.run();
     } catch (const Cancelled&) {
         return fault(Exit::cancelled, "cancelled", "stopped while baking light");

@@ -83,8 +83,8 @@ struct LuxelGather {
 
 class Bake {
 public:
-    Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, const LightOptions& options,
-         Context& context);
+    Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, bool sealed,
+         const LightOptions& options, Context& context);
     Lighting run();
 
 private:
@@ -146,6 +146,7 @@ private:
     const Surfaces& surfaces_;
     const std::vector<Light>& lights_;
     const LightOptions& options_;
+    const bool sealed_; // nothing may escape: what does starts inside something
     Context& context_;
     Quality quality_;
     TraceScene scene_;
@@ -155,6 +156,7 @@ private:
     PatchTable patches_;
     std::vector<std::vector<std::uint32_t>> neighbours_; // per patch: those it shares an edge with, in its plane
     std::vector<std::uint32_t> patch_emitter_;      // per patch; UINT32_MAX: none
+    std::vector<std::uint8_t> covered_;             // per patch: it looks into what is solid; nothing is baked there
     std::vector<std::uint32_t> hits_;               // row_rays per patch, in ray order
     std::vector<double> estimate_;                  // per patch: mean irradiance, everything gathered
     double floor_ = 0;                              // irradiance below which errors are not relative any more
@@ -166,7 +168,7 @@ private:
     ReflectedLight reflected_;
     ReflectedLight coarse_;                         // the same averaged over patches of twice the size
     std::vector<std::uint32_t> rays_;               // per patch: gathered rays of its luxels
-    std::vector<double> noise_;                     // per patch: relative variance that the first pass showed
+    std::vector<double> noise_, noise_weight_;      // per patch: relative variance of a single ray, as passes showed it
     HitCounts counts_;
     std::atomic<std::uint64_t> shadow_rays_{0};
     Lighting out_;

@@ -6,6 +6,7 @@
 namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
+constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
 }
 
 bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
@@ -18,6 +19,7 @@ bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
 
 bool Bake::receives(std::uint32_t p) const {
     const Patch& patch = patches_.patches[p];
+    if (covered_[p]) return false;
     return max_component(patch.reflectance) > 0 || surfaces_.faces[patch.face.at()].chart.valid();
 }
 
@@ -75,6 +77,9 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             const Vec3 lift = face.normal * scene_.push_off();
             const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);
             const Sobol points(seed_at(patch.centroid, 2));
+            // Test rays: four where little is at stake, else two for each luxel, so that no thin shadow falls between.
+            const std::uint32_t luxels = patch_luxel_first_[p + 1] - patch_luxel_first_[p];
+            const std::uint32_t thorough = std::clamp(2 * luxels, quality_.visibility_rays, 4 * quality_.visibility_rays);
             // What the bundle of the row has met is visible.
             std::fill(met.begin(), met.end(), 0);
             for (std::uint32_t i = 0; i < quality_.row_rays; ++i) {
@@ -88,9 +93,9 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 if (most < least) continue;
                 std::uint32_t seen = 0, tested = 0;
                 double factor = 0;
-                // Few test rays for what matters little, all of them for what would stand out if it were missed.
-                const std::uint32_t early = most > 400 * least ? quality_.visibility_rays : 4;
-                for (std::uint32_t k = 0; k < quality_.visibility_rays; ++k) {
+                const std::uint32_t tests = most > 400 * least ? thorough : quality_.visibility_rays;
+                const std::uint32_t early = most > 400 * least ? tests : 4;
+                for (std::uint32_t k = 0; k < tests; ++k) {
                     if (k >= early && seen == 0) break;
                     const Vec3 x = footprint.sample(points.pair(k, 0)) + lift;
                     const Vec3 y = emitters_.point_on(i, points.pair(k, 2)) + emitter.normal * scene_.push_off();
@@ -121,8 +126,9 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 const Light& light = lights_[i];
                 std::uint32_t seen = 0, tested = 0;
                 double brought = 0;
-                for (std::uint32_t k = 0; k < quality_.visibility_rays; ++k) {
-                    if (k == 4 && tested == 4 && seen == 0) break;
+                const std::uint32_t tests = bright > kStrong * found ? thorough : quality_.visibility_rays;
+                for (std::uint32_t k = 0; k < tests; ++k) {
+                    if (k == 4 && tested == 4 && seen == 0 && tests != thorough) break;
                     const Vec3 x = footprint.sample(points.pair(k, 0)) + lift;
                     LightSample s;
                     if (!sample_light(light, x, face.normal, points.pair(k, 2), &s)) continue;
@@ -246,6 +252,7 @@ void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patc
             const std::uint32_t checks = ref.samples <= 8 ? 1 : 4;
             for (std::uint32_t k = 0; k < checks; ++k) shine(checks == 1 && !ref.hidden ? centroid + lift : place(k), k, 1, true, nullptr);
             *rays += tested;
+            if (length(centroid-Vec3{-108,460,0})<1||length(centroid-Vec3{-60,506,0})<3) fprintf(stderr,"DBG light %u em %d hidden %d samples %u seen %u tested %u\n",ref.light,ref.is_emitter,ref.hidden,ref.samples,seen,tested);
             if (seen == (ref.hidden ? 0 : tested)) {
                 if (ref.hidden) continue;
                 if (footprint.whole_square()) {
@@ -271,6 +278,7 @@ void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patc
         part *= 1.0 / places;
         *sum += part;
         *rays += tested;
+        if (length(centroid-Vec3{-108,460,0})<1||length(centroid-Vec3{-60,506,0})<3) fprintf(stderr,"DBG PEN light %u em %d samples %u seen %u tested %u near %d E %.4f  unocc %.4f area %.0f\n",ref.light,ref.is_emitter,ref.samples,seen,tested,near,part.flat.x,ref.is_emitter?3.14159*emitters_.emitters[ref.light].radiance.x*emitters_.form_factor(ref.light,centroid+lift,normal):0,ref.is_emitter?emitters_.emitters[ref.light].area:0);
     }
 }
 

@@ -8,6 +8,8 @@ namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
 double luminance(Rgbd c) { return mean(c); }
+constexpr double kNoiseRate = 0.65;   // noise of these bundles falls as N to the minus this
+constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 } // namespace
 
 Vec3 HemisphereMap::direction(Vec2 square) const {
@@ -243,10 +245,9 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
 }
 
 // Rays per patch such that the rRMSE of noise is `wanted` at the least cost. With noise falling as N^-0.65, N goes with
-// the 0.87th power of the noise that the first pass found (Lagrange).
+// the 0.87th power of the noise of a single ray (Lagrange). Never fewer than before.
 void Bake::share_rays(double wanted) {
-    constexpr double kRate = 0.65, kSpread = 1.35; // quarters of a sequence scatter more than its whole promises
-    const double power = 2 / (1 + 2 * kRate);
+    const double power = 2 / (1 + 2 * kNoiseRate);
     double area = 0, sum = 0;
     std::vector<double> single(rays_.size());
     for (std::size_t p = 0; p < rays_.size(); ++p) {
@@ -259,18 +260,15 @@ void Bake::share_rays(double wanted) {
         // Noise comes in rare large strokes, so a patch is no quieter than its neighbours on the average.
         double variance = noise_[p];
         for (const std::uint32_t q : neighbours_[p]) variance += noise_[q];
-        variance = std::max(noise_[p], variance / static_cast<double>(1 + neighbours_[p].size()));
-        single[p] = std::sqrt(variance) / kSpread * std::pow(quality_.first_rays, kRate); // of a single ray
-        area += a, sum += a * std::pow(single[p], 2 - 2 * kRate * power);
+        single[p] = std::sqrt(std::max(noise_[p], variance / static_cast<double>(1 + neighbours_[p].size())));
+        area += a, sum += a * std::pow(single[p], 2 - 2 * kNoiseRate * power);
     }
     if (!(area > 0) || !(sum > 0)) return;
     // sum a s^2 (c s^power)^(-2 rate) = area wanted^2
-    const double c = std::pow(sum / (area * wanted * wanted), 1 / (2 * kRate));
+    const double c = std::pow(sum / (area * wanted * wanted), 1 / (2 * kNoiseRate));
     for (std::size_t p = 0; p < rays_.size(); ++p) {
         const double n = c * std::pow(single[p], power);
-        std::uint32_t rays = quality_.first_rays;
-        while (rays < quality_.most_rays && rays * 1.41 < n) rays *= 2;
-        rays_[p] = rays;
+        while (rays_[p] < quality_.most_rays && rays_[p] * 1.41 < n) rays_[p] *= 2;
     }
 }
 
@@ -282,7 +280,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
     constexpr double kTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30
     std::vector<std::uint32_t> chosen;
     for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
-        if (luxel_patch_[l] != kNoPatch && seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0) chosen.push_back(l);
+        if (luxel_patch_[l] != kNoPatch && !covered_[luxel_patch_[l]] && seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0) chosen.push_back(l);
     struct Result { std::array<Rgbd, kReplicates> value, direct; Rgbd fine, coarse; double area = 0, representation = 0; };
     std::vector<Result> results(chosen.size());
     constexpr std::size_t kChunk = 8;
@@ -307,7 +305,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
                 results[i].fine += g.sum.flat / kReplicates, results[i].coarse += coarse / kReplicates;
             }
             results[i].area = luxel.area * chart.luxel_size * chart.luxel_size;
-            if (!kernel.cone || chart.smooth) continue;
+            if (!kernel.cone || chart.smooth || i % 4 != 0) continue;
             // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
             const auto light = [&](const LuxelKernel& k) {
                 KernelSum sum = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr).sum;
@@ -375,8 +373,8 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
 }
 
 // All luxels of the patches. Emitters met by surprise are returned, per patch, and left out of the result, which then is
-// to be done again for those patches; not in the last pass. The first pass notes the noise; the others use other rays:
-// what decided that a place is noisy must not be part of its value.
+// to be done again for those patches; not in the last pass. Passes with more rays use others than those before: what
+// decided that a place is noisy must not be part of its value.
 std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std::uint32_t> patches, Pass pass) {
     constexpr std::size_t kChunk = 16; // patches: their luxels share a guide
     std::vector<HitCounts> counts((patches.size() + kChunk - 1) / kChunk);
@@ -384,7 +382,9 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
     parallel_for(context_, "light: gather", counts.size(), [&](std::size_t chunk) {
         Guide guide;
         for (const std::uint32_t p : patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
+            if (covered_[p]) continue;
             bool built = false;
+            double variance = 0;
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
                 const Luxel& luxel = surfaces_.luxels[l];
@@ -392,22 +392,25 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 const HemisphereMap map = map_of(l);
                 if (!built) patch_guide(p, map, &guide), built = true;
                 const LuxelKernel kernel = kernel_of(l);
-                const LuxelGather g = gather(l, kernel, guide, map, rays_[p], seed_at(luxel_centroid(luxel), pass == Pass::first ? 4 : 7), pass == Pass::last ? nullptr : &found[p]);
-                counts[chunk] += g.hits;
+                const LuxelGather g = gather(l, kernel, guide, map, rays_[p], seed_at(luxel_centroid(luxel), pass == Pass::first ? 4 : 16 + rays_[p]), pass == Pass::last ? nullptr : &found[p]);
                 const std::size_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
                 // Inside something that the exact geometry does not know to be solid (a brush model in a wall): filled
                 // from the neighbours.
-                if (g.hits.back * 2 > g.hits.rays) continue;
+                if (2 * (g.hits.back + (sealed_ ? g.hits.escaped : 0)) > g.hits.rays) continue;
+                counts[chunk] += g.hits;
                 KernelSum sum = direct_[l];
                 sum += g.sum;
                 out_.flat[texel] = static_cast<Rgb>(sum.flat);
                 out_.valid[texel] = 1;
                 const double e = mean(sum.flat), scale = std::max(e, floor_);
-                if (pass == Pass::first && scale > 0) noise_[p] += g.variance / (scale * scale) / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+                if (scale > 0) variance += g.variance / (scale * scale) / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
                 out_.texel_error[texel] = e > 0 ? static_cast<float>(std::sqrt(g.variance) / e) : 0;
                 if (cones_[luxel.chart.at()])
                     out_.rnm[out_.rnm_first[luxel.chart.at()] + (texel - chart.first_texel)] = kernel.finish(sum);
             }
+            variance *= std::pow(rays_[p], 2 * kNoiseRate) / (kQuarterSpread * kQuarterSpread);
+            noise_[p] = (noise_[p] * noise_weight_[p] + variance * rays_[p]) / (noise_weight_[p] + rays_[p]);
+            noise_weight_[p] += rays_[p];
             std::ranges::sort(found[p]);
             const auto same = std::ranges::unique(found[p]);
             found[p].erase(same.begin(), same.end());

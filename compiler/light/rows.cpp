@@ -13,6 +13,7 @@ void Bake::trace_rows() {
     const std::uint32_t m = quality_.row_rays;
     const std::size_t n = patches_.patches.size();
     hits_.assign(n * m, kHitBlack);
+    covered_.assign(n, 0);
     constexpr std::size_t kChunk = 16;
     std::vector<HitCounts> counts((n + kChunk - 1) / kChunk);
     parallel_for(context_, "light: form factors", counts.size(), [&](std::size_t chunk) {
@@ -32,8 +33,7 @@ void Bake::trace_rows() {
                 directions[i] = frame.world(cosine_hemisphere(points.pair(i, 0)));
             }
             scene_.closest(origins, directions, found);
-            HitCounts& c = counts[chunk];
-            c.rays += m;
+            HitCounts c{.rays = m};
             for (std::uint32_t i = 0; i < m; ++i) {
                 std::uint32_t& code = hits_[p * m + i];
                 if (!found[i]) {
@@ -48,6 +48,13 @@ void Bake::trace_rows() {
                     if (code == kNoPatch) code = emitter != UINT32_MAX ? kHitEmitter | emitter : kHitBlack;
                 }
             }
+            // A face of a brush model that stands in the world's solid, say: no light, and no leak either.
+            if (2 * (c.back + (sealed_ ? c.escaped : 0)) > m) {
+                covered_[p] = 1;
+                std::fill_n(hits_.begin() + static_cast<std::ptrdiff_t>(p * m), m, kHitBlack);
+                c = {.rays = m};
+            }
+            counts[chunk] += c;
         }
     });
     for (const HitCounts& c : counts) counts_ += c;
