@@ -1,6 +1,6 @@
 // Materials: what a texture name means. A database of JSON files (exact names and globs, later files and
 // later rules win, exact beats glob), over built-in knowledge of Source, Quake and Half-Life tool names.
-// What a file states wins over what a name implies (DESIGN: a SKY4 with `emission` and no `sky` flag is an
+// What a file states wins over what a name implies (a SKY4 with `emission` and no `sky` flag is an
 // ordinary emitter). Unknown names get defaults and one warning each. Format: FORMAT.md.
 #pragma once
 #include "libs/core/context.h"

@@ -1,6 +1,7 @@
 #include "libs/core/file.h"
 #include "libs/image/image.h"
 #include "tools/kiln/commands.h"
+#include "tools/kiln/level_file.h"
 #include "tools/render/render.h"
 #include <charconv>
 #include <filesystem>
@@ -191,12 +192,9 @@ Command image_command(CLI::App& app) {
         BakeOptions threads;
         threads.threads = o->threads;
         Context context = console.make_context(threads.thread_count());
-        const auto bytes = read_file(o->level);
-        if (!bytes) return console.fail(bytes.fault());
-        kiln_level* raw = nullptr;
-        if (const kiln_status s = kiln_level_open_memory(bytes->data(), bytes->size(), &raw); s != KILN_OK)
-            return console.fail(fault(Exit::input, "not-a-level", kiln_status_text(s), {.file = o->level}));
-        const std::unique_ptr<kiln_level, decltype(&kiln_level_close)> level(raw, kiln_level_close);
+        const auto file = open_level(o->level);
+        if (!file) return console.fail(file.fault());
+        const auto& level = file->level;
         Painter painter(*o, level.get(), console, context);
         if (same_file(o->output, o->level)) return console.fail(fault(Exit::usage, "usage", "the output is the level itself", {.file = o->output}));
         if (!o->output.empty() && !lower_case(o->output).ends_with(".png") && !lower_case(o->output).ends_with(".exr"))

@@ -1,6 +1,7 @@
 #include "formats/level/kiln_level.h"
 #include "libs/core/file.h"
 #include "tools/kiln/commands.h"
+#include "tools/kiln/level_file.h"
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -67,18 +68,15 @@ Command info_command(CLI::App& app) {
     app.footer("example: kiln info atrium.kiln");
     return [o]() -> int {
         Console console;
-        const auto bytes = read_file(o->level);
-        if (!bytes) return console.fail(bytes.fault());
-        kiln_level* raw = nullptr;
-        if (const kiln_status s = kiln_level_open_memory(bytes->data(), bytes->size(), &raw); s != KILN_OK)
-            return console.fail(fault(Exit::input, "not-a-level", kiln_status_text(s), {.file = o->level}));
-        const std::unique_ptr<kiln_level, decltype(&kiln_level_close)> level(raw, kiln_level_close);
+        const auto file = open_level(o->level);
+        if (!file) return console.fail(file.fault());
+        const auto& level = file->level;
         if (o->check) {
             const char* what = "";
             if (const kiln_status s = kiln_level_check(level.get(), &what); s != KILN_OK)
                 return console.fail(fault(Exit::input, "level-damaged", fmt::format("{}: {}", kiln_status_text(s), what), {.file = o->level}));
         }
-        const auto j = describe(level.get(), bytes->size());
+        const auto j = describe(level.get(), file->bytes.size());
         return print_output(o->json ? j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n" : as_text(j));
     };
 }

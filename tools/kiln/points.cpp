@@ -9,6 +9,7 @@
 #include "libs/core/file.h"
 #include "libs/parallel/parallel.h"
 #include "tools/kiln/commands.h"
+#include "tools/kiln/level_file.h"
 #include <charconv>
 #include <fmt/format.h>
 #include <memory>
@@ -218,12 +219,9 @@ Command sample_command(CLI::App& app) {
                "example: kiln sample cornell.kiln --points cornell.points.csv");
     return [o]() -> int {
         Console console;
-        const auto bytes = read_file(o->level);
-        if (!bytes) return console.fail(bytes.fault());
-        kiln_level* raw = nullptr;
-        if (const kiln_status s = kiln_level_open_memory(bytes->data(), bytes->size(), &raw); s != KILN_OK)
-            return console.fail(fault(Exit::input, "not-a-level", kiln_status_text(s), {.file = o->level}));
-        const std::unique_ptr<kiln_level, decltype(&kiln_level_close)> level(raw, kiln_level_close);
+        const auto file = open_level(o->level);
+        if (!file) return console.fail(file.fault());
+        const auto& level = file->level;
         const auto points = read_points(o->points);
         if (!points) return console.fail(points.fault());
         if (same_file(o->output, o->level) || same_file(o->output, o->points))
