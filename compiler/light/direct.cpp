@@ -45,10 +45,12 @@ double Bake::form_factor_bound(std::uint32_t p, std::uint32_t i) const {
     return 4 * emitters_.bound(i, x, normal);
 }
 
-// Visibility samples for a light that would bring `share` of the irradiance if it were in full view.
+// Visibility samples for a light that would bring `share` of the irradiance if it were in full view. The share goes far
+// beyond 1 where a sliver of sun falls into a dark room.
 std::uint16_t Bake::penumbra_samples(double share) const {
+    const double wanted = quality_.direct_samples * (share < 1 ? std::min(1.0, 3 * share) : std::min(share, 8.0));
     std::uint32_t n = 4;
-    while (n < quality_.direct_samples && n < 3 * share * quality_.direct_samples) n *= 2;
+    while (n < wanted) n *= 2;
     return static_cast<std::uint16_t>(n);
 }
 
@@ -252,7 +254,6 @@ void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patc
             const std::uint32_t checks = ref.samples <= 8 ? 1 : 4;
             for (std::uint32_t k = 0; k < checks; ++k) shine(checks == 1 && !ref.hidden ? centroid + lift : place(k), k, 1, true, nullptr);
             *rays += tested;
-            if (length(centroid-Vec3{-108,460,0})<1||length(centroid-Vec3{-60,506,0})<3) fprintf(stderr,"DBG light %u em %d hidden %d samples %u seen %u tested %u\n",ref.light,ref.is_emitter,ref.hidden,ref.samples,seen,tested);
             if (seen == (ref.hidden ? 0 : tested)) {
                 if (ref.hidden) continue;
                 if (footprint.whole_square()) {
@@ -278,7 +279,6 @@ void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patc
         part *= 1.0 / places;
         *sum += part;
         *rays += tested;
-        if (length(centroid-Vec3{-108,460,0})<1||length(centroid-Vec3{-60,506,0})<3) fprintf(stderr,"DBG PEN light %u em %d samples %u seen %u tested %u near %d E %.4f  unocc %.4f area %.0f\n",ref.light,ref.is_emitter,ref.samples,seen,tested,near,part.flat.x,ref.is_emitter?3.14159*emitters_.emitters[ref.light].radiance.x*emitters_.form_factor(ref.light,centroid+lift,normal):0,ref.is_emitter?emitters_.emitters[ref.light].area:0);
     }
 }
 

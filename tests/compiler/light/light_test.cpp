@@ -256,6 +256,30 @@ TEST(Bake, NothingToDo) {
     EXPECT_EQ(dark->lighting.error.estimate, 0);
 }
 
+// A smoothed normal bends the kernel, not the hemisphere: E = I max(0, n_s . w) where the face itself is lit, and 0
+// where the light stands behind the face, however the normal is bent towards it.
+TEST(Bake, SmoothedNormals) {
+    SurfacesBuilder scene;
+    scene.rect({-32, -32, 0}, {64, 0, 0}, {0, 64, 0}, scene.material({}), {.luxel = 8});
+    const Vec3 bent = normalize(Vec3{1, 0, 0.4});
+    for (auto& corners : scene.surfaces.corner_normals) corners.fill(static_cast<Vec3f>(bent));
+    scene.surfaces.charts[0].smooth = true;
+    const LightOptions options{.directional = Directional::all};
+    const auto lit = bake(scene, options, {point_light({600, 0, 600}, {1e6f, 1e6f, 1e6f})});
+    const auto steep = bake(scene, options, {point_light({-600, 0, 200}, {1e6f, 1e6f, 1e6f})});
+    const auto behind = bake(scene, options, {point_light({600, 0, -50}, {1e6f, 1e6f, 1e6f})});
+    for (const Luxel& l : scene.surfaces.luxels) {
+        const std::size_t t = texel_of(scene.surfaces, l);
+        const Vec3 d = Vec3{600, 0, 600} - center_of(scene.surfaces, l);
+        const double e = 1e6 * dot(d, bent) / std::pow(length(d), 3);
+        EXPECT_NEAR(lit->lighting.flat[t].x, e, 5e-3 * e);
+        const auto& rnm = lit->lighting.rnm[t];
+        EXPECT_NEAR((rnm[0].x + rnm[1].x + rnm[2].x) / std::sqrt(3.0), e, 5e-3 * e);
+        EXPECT_EQ(steep->lighting.flat[t].x, 0); // above the face, below the bent normal's horizon
+        EXPECT_EQ(behind->lighting.flat[t].x, 0);
+    }
+}
+
 // Asked to stop, it stops with the fault that leads to exit 7.
 TEST(Bake, Cancelled) {
     SurfacesBuilder scene = two_rooms(20);
