@@ -8,8 +8,8 @@
 
 namespace kiln {
 
-// Distance of ray origins from the rim of their footprint, in push-offs: walls that lean over it as far as 6 degrees
-// from the surface do not swallow them.
+// Distance of ray origins from the rim of their footprint, in push-offs: walls that lean over it as far as 6
+// degrees from the surface do not swallow them.
 constexpr double kMargin = 10;
 
 Quality Quality::of(const LightOptions& options) {
@@ -58,15 +58,16 @@ Vec3 shading_normal(const Surfaces& s, FaceId id, Vec3 point) {
         if (inside <= best) continue;
         best = inside;
         Vec3 n;
-        for (std::size_t i = 0; i < 3; ++i) n += static_cast<Vec3>(s.corner_normals[t][i]) * std::clamp(w[i], 0.0, 1.0);
+        for (std::size_t i = 0; i < 3; ++i)
+            n += static_cast<Vec3>(s.corner_normals[t][i]) * std::clamp(w[i], 0.0, 1.0);
         normal = length(n) > 1e-6 ? normalize(n) : face.normal;
         if (inside >= 0) break;
     }
     return normal;
 }
 
-Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchTable& patches, const ReflectedLight& light,
-                        const SceneHit& hit) {
+Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchTable& patches,
+                        const ReflectedLight& light, const SceneHit& hit) {
     const Face& face = s.faces[hit.face.at()];
     std::uint32_t patch;
     if (face.chart.valid()) {
@@ -131,7 +132,8 @@ LuxelKernel Bake::kernel_of(std::uint32_t l) const {
     k.encoding = options_.encoding;
     k.cone = cones_[luxel.chart.at()].get();
     k.frame = chart.frame;
-    if (chart.smooth) k.frame = shading_frame(chart.frame, shading_normal(surfaces_, luxel.face, luxel_centroid(luxel)));
+    if (chart.smooth)
+        k.frame = shading_frame(chart.frame, shading_normal(surfaces_, luxel.face, luxel_centroid(luxel)));
     return k;
 }
 
@@ -163,7 +165,8 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest, const std::v
 }
 
 // The same on patches of twice the size, rows and solution included, from the rays that have been traced.
-ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first) {
+ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& direct,
+                                  const std::vector<Rgbd>& first) {
     const std::size_t n = patches_.patches.size();
     const PatchTable coarse = build_patches(world_, surfaces_, edges_, 2 * quality_.patch_size);
     const std::size_t m = coarse.patches.size();
@@ -185,7 +188,9 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
     Rows merged;
     merged.first.push_back(0);
     for (std::uint32_t c = 0; c < m; ++c) {
-        if (area[c] > 0) coarse_direct[c] = coarse_direct[c] / area[c], coarse_first[c] = coarse_first[c] / area[c], coarse_rho[c] = coarse_rho[c] / area[c];
+        if (area[c] > 0)
+            coarse_direct[c] = coarse_direct[c] / area[c], coarse_first[c] = coarse_first[c] / area[c],
+            coarse_rho[c] = coarse_rho[c] / area[c];
         std::vector<std::pair<std::uint32_t, double>> row;
         for (const std::uint32_t p : children[c])
             for (std::uint64_t k = rows.first[p]; k < rows.first[p + 1]; ++k)
@@ -284,7 +289,8 @@ Lighting Bake::run() {
     std::vector<Rgbd> rho;
     for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
     double residual = 0;
-    // First everything gathered, to know what is bright and what is dark; then the lights that deserve their own rays.
+    // First everything gathered, to know what is bright and what is dark; then the lights that deserve their own
+    // rays.
     const std::vector<Rgbd> estimate = solve(rows, gathered_emission(false), rho, &out_.iterations, &residual);
     choose_lights(estimate);
     std::vector<std::uint32_t> all(n);
@@ -302,14 +308,16 @@ Lighting Bake::run() {
     // A first pass shows where the noise is; the noise share of the target says how many rays it is worth. What the
     // bundles met by surprise (a lamp seen through a slit) gets its own rays, there and next to it.
     double area = 0, sum = 0;
-    for (std::size_t p = 0; p < n; ++p) area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
+    for (std::size_t p = 0; p < n; ++p)
+        area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
     floor_ = area > 0 ? options_.error_floor * sum / area : 0;
     rays_.assign(n, quality_.first_rays);
     noise_.assign(n, 0), noise_weight_.assign(n, 0);
     std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
     luxel_direct(again);
     const double target = options_.error_percent / 100;
-    const auto one_in = static_cast<std::uint32_t>(std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
+    const auto one_in = static_cast<std::uint32_t>(
+        std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
     double wanted = 0.6 * target;
     const auto gather = [&] {
         const std::vector<std::uint32_t> before = rays_;
@@ -328,7 +336,8 @@ Lighting Bake::run() {
     PilotResult check = gather();
     // The estimate has the last word: noise comes in rare large strokes, which a first pass may miss.
     constexpr int kTopUps = 3;
-    for (int top_up = 0; top_up < kTopUps && std::hypot(check.gather, check.direct, check.bias) > target; ++top_up) {
+    for (int top_up = 0; top_up < kTopUps && std::hypot(check.gather, check.direct, check.bias) > target;
+         ++top_up) {
         const double room = target * target - check.direct * check.direct - check.bias * check.bias;
         if (room < 0.04 * target * target) break; // more rays would not help
         wanted *= std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
@@ -356,7 +365,8 @@ Lighting Bake::run() {
     double gathered = 0;
     for (std::size_t l = 0; l < luxels; ++l)
         if (luxel_patch_[l] != kNoPatch) gathered += rays_[luxel_patch_[l]];
-    out_.gather_rays = static_cast<std::uint32_t>(std::lround(gathered / static_cast<double>(std::max<std::size_t>(luxels, 1))));
+    out_.gather_rays =
+        static_cast<std::uint32_t>(std::lround(gathered / static_cast<double>(std::max<std::size_t>(luxels, 1))));
     out_.rays = counts_.rays + shadow_rays_;
     out_.escaped_rays = counts_.escaped;
     out_.back_face_rays = counts_.back;
@@ -388,13 +398,16 @@ void Bake::fill() {
                             flat += static_cast<Rgbd>(out_.flat[q]) * k;
                             if (cones_[c])
                                 for (std::size_t i = 0; i < 3; ++i)
-                                    rnm[i] += static_cast<Rgbd>(out_.rnm[out_.rnm_first[c] + (q - chart.first_texel)][i]) * k;
+                                    rnm[i] += static_cast<Rgbd>(
+                                                  out_.rnm[out_.rnm_first[c] + (q - chart.first_texel)][i]) *
+                                              k;
                         }
                     if (!(weight > 0)) continue;
                     out_.flat[texel] = static_cast<Rgb>(flat / weight);
                     if (cones_[c])
                         for (std::size_t i = 0; i < 3; ++i)
-                            out_.rnm[out_.rnm_first[c] + (texel - chart.first_texel)][i] = static_cast<Rgb>(rnm[i] / weight);
+                            out_.rnm[out_.rnm_first[c] + (texel - chart.first_texel)][i] =
+                                static_cast<Rgb>(rnm[i] / weight);
                     filled.push_back(texel);
                 }
             for (const std::uint32_t t : filled) out_.valid[t] = 2;

@@ -11,7 +11,9 @@ namespace kiln {
 // Codes in hit lists beside patch numbers.
 constexpr std::uint32_t kHitEscaped = UINT32_MAX, kHitBack = UINT32_MAX - 1, kHitBlack = UINT32_MAX - 2;
 constexpr std::uint32_t kHitEmitter = 1u << 31; // | emitter: shines but is no patch (sky)
-constexpr bool is_patch(std::uint32_t hit) { return hit < kHitEmitter; }
+constexpr bool is_patch(std::uint32_t hit) {
+    return hit < kHitEmitter;
+}
 
 // Reflected radiance at hits: luxel by luxel where a texel belongs to one patch, else by patch.
 struct ReflectedLight {
@@ -21,7 +23,7 @@ struct ReflectedLight {
 
 // A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
 struct LightRef {
-    std::uint32_t light = 0;   // emitter, or light entity
+    std::uint32_t light = 0; // emitter, or light entity
     bool is_emitter = false;
     bool penumbra = false;     // some test rays saw it and some did not, here or at a neighbour
     bool hidden = false;       // no test ray saw it (entities only: they cannot be left to gathered rays)
@@ -36,15 +38,15 @@ struct HitCounts {
     }
 };
 
-struct Quality { // what the error target buys; tuned in NOTES.md
-    double patch_size = 32;          // map units
-    std::uint32_t row_rays = 256;    // per patch
+struct Quality {                        // what the error target buys; tuned in NOTES.md
+    double patch_size = 32;             // map units
+    std::uint32_t row_rays = 256;       // per patch
     std::uint32_t visibility_rays = 16; // per patch and candidate light
     std::uint32_t direct_samples = 16;  // per luxel and light, at most
-    double promotion = 0.005;        // an emitter whose predicted noise exceeds this share of E is sampled explicitly
-    double light_cutoff = 5e-3;      // entity lights that together bring less than this share of E are left out
+    double promotion = 0.005;   // an emitter whose predicted noise exceeds this share of E is sampled explicitly
+    double light_cutoff = 5e-3; // entity lights that together bring less than this share of E are left out
     std::uint32_t first_rays = 64, most_rays = 4096; // per luxel: of the first pass; where it is noisy
-    double iteration = 1e-3;         // bound on the relative iteration error
+    double iteration = 1e-3;                         // bound on the relative iteration error
     static Quality of(const LightOptions& options);
 };
 
@@ -65,7 +67,7 @@ public:
     static constexpr double kUniformShare = 0.35;
     void clear();
     void add(Vec2 square, double light);
-    void build(); // blurs, normalises, mixes
+    void build();                               // blurs, normalises, mixes
     Vec2 sample(Vec2 u, double* density) const; // density: of the primary square, >= kUniformShare
 
 private:
@@ -104,7 +106,8 @@ private:
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
     void direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patch, std::uint64_t seed,
                    const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const;
-    double threshold(std::uint32_t patch, std::uint32_t emitter) const; // form factor from which on it is worth rays
+    double threshold(std::uint32_t patch,
+                     std::uint32_t emitter) const; // form factor from which on it is worth rays
     double form_factor_bound(std::uint32_t patch, std::uint32_t emitter) const;
     std::uint16_t penumbra_samples(double share) const;
     bool receives(std::uint32_t patch) const;
@@ -114,11 +117,11 @@ private:
     std::vector<Rgbd> patch_direct();
     // gather.cpp
     void patch_guide(std::uint32_t patch, const HemisphereMap& map, Guide* guide) const;
-    // `met`: receives emitters that should have had rays of their own, and leaves their light out; none: it stays in.
-    // `coarse`: the same rays looked up in another solution, for the estimate of its difference.
-    LuxelGather gather(std::uint32_t luxel, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map, std::uint32_t rays,
-                       std::uint64_t seed, std::vector<std::uint32_t>* met, const ReflectedLight* coarse = nullptr,
-                       Rgbd* coarse_flat = nullptr) const;
+    // `met`: receives emitters that should have had rays of their own, and leaves their light out; none: it stays
+    // in. `coarse`: the same rays looked up in another solution, for the estimate of its difference.
+    LuxelGather gather(std::uint32_t luxel, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
+                       std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
+                       const ReflectedLight* coarse = nullptr, Rgbd* coarse_flat = nullptr) const;
     enum class Pass { first, again, last };
     struct PilotResult {
         double noise = 0, bias = 0;       // rRMSE
@@ -155,20 +158,20 @@ private:
     PieceEdges edges_;
     PatchTable patches_;
     std::vector<std::vector<std::uint32_t>> neighbours_; // per patch: those it shares an edge with, in its plane
-    std::vector<std::uint32_t> patch_emitter_;      // per patch; UINT32_MAX: none
-    std::vector<std::uint8_t> covered_;             // per patch: it looks into what is solid; nothing is baked there
-    std::vector<std::uint32_t> hits_;               // row_rays per patch, in ray order
-    std::vector<double> estimate_;                  // per patch: mean irradiance, everything gathered
-    double floor_ = 0;                              // irradiance below which errors are not relative any more
-    std::vector<std::vector<LightRef>> lists_;      // per patch: emitters in ascending order, then entities
-    std::vector<std::uint32_t> luxel_patch_;        // per luxel: the patch of most of its footprint
+    std::vector<std::uint32_t> patch_emitter_;           // per patch; UINT32_MAX: none
+    std::vector<std::uint8_t> covered_;        // per patch: it looks into what is solid; nothing is baked there
+    std::vector<std::uint32_t> hits_;          // row_rays per patch, in ray order
+    std::vector<double> estimate_;             // per patch: mean irradiance, everything gathered
+    double floor_ = 0;                         // irradiance below which errors are not relative any more
+    std::vector<std::vector<LightRef>> lists_; // per patch: emitters in ascending order, then entities
+    std::vector<std::uint32_t> luxel_patch_;   // per luxel: the patch of most of its footprint
     std::vector<std::uint32_t> patch_luxel_first_, patch_luxels_; // luxels by that patch
-    std::vector<KernelSum> direct_;                 // per luxel
-    std::vector<std::shared_ptr<const ConeTable>> cones_; // per chart; none: flat only
+    std::vector<KernelSum> direct_;                               // per luxel
+    std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
     ReflectedLight reflected_;
-    ReflectedLight coarse_;                         // the same averaged over patches of twice the size
-    std::vector<std::uint32_t> rays_;               // per patch: gathered rays of its luxels
-    std::vector<double> noise_, noise_weight_;      // per patch: relative variance of a single ray, as passes showed it
+    ReflectedLight coarse_;                    // the same averaged over patches of twice the size
+    std::vector<std::uint32_t> rays_;          // per patch: gathered rays of its luxels
+    std::vector<double> noise_, noise_weight_; // per patch: relative variance of a single ray, as passes showed it
     HitCounts counts_;
     std::atomic<std::uint64_t> shadow_rays_{0};
     Lighting out_;

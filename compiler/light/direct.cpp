@@ -7,7 +7,7 @@ namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
-}
+} // namespace
 
 bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
     const auto& list = lists_[patch];
@@ -23,8 +23,8 @@ bool Bake::receives(std::uint32_t p) const {
     return max_component(patch.reflectance) > 0 || surfaces_.faces[patch.face.at()].chart.valid();
 }
 
-// Noise of N gathered rays that hit with probability F: contrast pi sqrt(F / N), halved by stratification. Only what
-// stands out against the rest makes noise: in a furnace nothing does.
+// Noise of N gathered rays that hit with probability F: contrast pi sqrt(F / N), halved by stratification. Only
+// what stands out against the rest makes noise: in a furnace nothing does.
 double Bake::threshold(std::uint32_t p, std::uint32_t i) const {
     const double contrast = mean(emitters_.emitters[i].radiance) - estimate_[p] / kPi;
     if (contrast <= 0) return 1e30;
@@ -45,8 +45,8 @@ double Bake::form_factor_bound(std::uint32_t p, std::uint32_t i) const {
     return 4 * emitters_.bound(i, x, normal);
 }
 
-// Visibility samples for a light that would bring `share` of the irradiance if it were in full view. The share goes far
-// beyond 1 where a sliver of sun falls into a dark room.
+// Visibility samples for a light that would bring `share` of the irradiance if it were in full view. The share goes
+// far beyond 1 where a sliver of sun falls into a dark room.
 std::uint16_t Bake::penumbra_samples(double share) const {
     const double wanted = quality_.direct_samples * (share < 1 ? std::min(1.0, 3 * share) : std::min(share, 8.0));
     std::uint32_t n = 4;
@@ -54,8 +54,9 @@ std::uint16_t Bake::penumbra_samples(double share) const {
     return static_cast<std::uint16_t>(n);
 }
 
-// For every patch: emitters that it or a neighbour sees and whose light, left to the gathered rays, would be too noisy;
-// and every light entity that could matter. What is not listed stays with the gathered rays: nothing is lost.
+// For every patch: emitters that it or a neighbour sees and whose light, left to the gathered rays, would be too
+// noisy; and every light entity that could matter. What is not listed stays with the gathered rays: nothing is
+// lost.
 void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     const std::size_t n = patches_.patches.size();
     double area = 0, sum = 0;
@@ -79,14 +80,18 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             const Vec3 lift = face.normal * scene_.push_off();
             const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);
             const Sobol points(seed_at(patch.centroid, 2));
-            // Test rays: four where little is at stake, else two for each luxel, so that no thin shadow falls between.
+            // Test rays: four where little is at stake, else two for each luxel, so that no thin shadow falls
+            // between.
             const std::uint32_t luxels = patch_luxel_first_[p + 1] - patch_luxel_first_[p];
-            const std::uint32_t thorough = std::clamp(2 * luxels, quality_.visibility_rays, 4 * quality_.visibility_rays);
+            const std::uint32_t thorough =
+                std::clamp(2 * luxels, quality_.visibility_rays, 4 * quality_.visibility_rays);
             // What the bundle of the row has met is visible.
             std::fill(met.begin(), met.end(), 0);
             for (std::uint32_t i = 0; i < quality_.row_rays; ++i) {
                 const std::uint32_t hit = hits_[static_cast<std::size_t>(p) * quality_.row_rays + i];
-                const std::uint32_t k = is_patch(hit) ? patch_emitter_[hit] : hit < kHitBlack ? hit & ~kHitEmitter : UINT32_MAX;
+                const std::uint32_t k = is_patch(hit)     ? patch_emitter_[hit]
+                                        : hit < kHitBlack ? hit & ~kHitEmitter
+                                                          : UINT32_MAX;
                 if (k != UINT32_MAX) met[k] = 1;
             }
             for (std::uint32_t i = 0; i < emitters_.emitters.size(); ++i) {
@@ -121,7 +126,9 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 const double bright = light_bound(lights_[i], patch.centroid, radius);
                 if (bright > 0) strong.emplace_back(bright, i), left += bright;
             }
-            std::ranges::sort(strong, [](const auto& x, const auto& y) { return x.first != y.first ? x.first > y.first : x.second < y.second; });
+            std::ranges::sort(strong, [](const auto& x, const auto& y) {
+                return x.first != y.first ? x.first > y.first : x.second < y.second;
+            });
             for (const auto& [bright, i] : strong) {
                 if (left <= quality_.light_cutoff * found) break;
                 left -= bright;
@@ -135,32 +142,36 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     LightSample s;
                     if (!sample_light(light, x, face.normal, points.pair(k, 2), &s)) continue;
                     ++tested, ++rays;
-                    if (!(s.distant ? scene_.reaches_sky(x, s.direction) : !scene_.occluded(x, s.position))) continue;
+                    if (!(s.distant ? scene_.reaches_sky(x, s.direction) : !scene_.occluded(x, s.position)))
+                        continue;
                     ++seen;
                     brought += mean(s.weight) * dot(s.direction, face.normal) + mean(s.ambient);
                 }
                 if (!tested) continue;
                 found += brought / tested;
-                entities[p].push_back({i, false, seen != tested && seen > 0, seen == 0, penumbra_samples(bright / found)});
+                entities[p].push_back(
+                    {i, false, seen != tested && seen > 0, seen == 0, penumbra_samples(bright / found)});
             }
             std::ranges::sort(entities[p], {}, &LightRef::light);
         }
         shadow_rays_ += rays;
     });
-    // A shaft of light may fall between the test rays of a patch, hardly between those of its neighbours as well; and
-    // where a neighbour sees less of a light, the edge of its shadow may reach over. So only patches among their like
-    // go without a closer look.
+    // A shaft of light may fall between the test rays of a patch, hardly between those of its neighbours as well;
+    // and where a neighbour sees less of a light, the edge of its shadow may reach over. So only patches among
+    // their like go without a closer look.
     lists_ = emitters;
     const auto offer = [&](std::uint32_t to, std::uint32_t from) {
         if (!receives(to) || !receives(from)) return;
         for (const LightRef& r : emitters[from]) {
             const auto at = std::ranges::find(lists_[to], r.light, &LightRef::light);
-            if (at != lists_[to].end()) at->penumbra |= r.penumbra;
+            if (at != lists_[to].end())
+                at->penumbra |= r.penumbra;
             else if (form_factor_bound(to, r.light) >= threshold(to, r.light))
                 lists_[to].push_back({r.light, true, true, false, r.samples});
         }
         for (LightRef& r : lists_[to])
-            if (std::ranges::find(emitters[from], r.light, &LightRef::light) == emitters[from].end()) r.penumbra = true;
+            if (std::ranges::find(emitters[from], r.light, &LightRef::light) == emitters[from].end())
+                r.penumbra = true;
     };
     std::vector<std::vector<LightRef>> spread = entities;
     const auto offer_entities = [&](std::uint32_t to, std::uint32_t from) {
@@ -184,7 +195,8 @@ std::vector<std::uint32_t> Bake::add_emitters(const std::vector<std::vector<std:
     const auto add = [&](std::uint32_t p, std::uint32_t i) {
         if (!receives(p) || listed(p, i)) return;
         if (std::ranges::find(more[p], i, &LightRef::light) != more[p].end()) return;
-        const double share = kPi * mean(emitters_.emitters[i].radiance) * form_factor_bound(p, i) / 4 / std::max(estimate_[p], floor_);
+        const double share = kPi * mean(emitters_.emitters[i].radiance) * form_factor_bound(p, i) / 4 /
+                             std::max(estimate_[p], floor_);
         more[p].push_back({i, true, true, false, penumbra_samples(share)});
     };
     for (std::uint32_t p = 0; p < found.size(); ++p)
@@ -218,22 +230,26 @@ void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patc
     for (const LightRef& ref : lists_[patch]) {
         const Sobol points(mix(seed, ref.light, static_cast<std::uint64_t>(ref.is_emitter)));
         const auto place = [&](std::uint32_t index) { return footprint.sample(points.pair(index, 0)) + lift; };
-        // Light at one place, from `each` points at least of an emitter; `trace`: only what arrives, counted in `seen`.
+        // Light at one place, from `each` points at least of an emitter; `trace`: only what arrives, counted in
+        // `seen`.
         std::uint32_t seen = 0, tested = 0;
         const auto shine = [&](Vec3 x, std::uint32_t index, std::uint32_t each, bool trace, KernelSum* out) {
             if (ref.is_emitter) {
                 const Emitter& e = emitters_.emitters[ref.light];
                 const Vec3 off = e.normal * scene_.push_off();
-                emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, [&](Vec3 y, Vec3 way, double solid, double irradiance) {
-                    if (trace) {
-                        ++tested;
-                        if (scene_.occluded(x, y + off)) return;
-                        ++seen;
-                    }
-                    if (!out) return;
-                    if (flat_is_exact) kernel.add(*out, way, e.radiance, solid, irradiance);
-                    else kernel.add(*out, way, e.radiance * solid);
-                });
+                emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4,
+                                 [&](Vec3 y, Vec3 way, double solid, double irradiance) {
+                                     if (trace) {
+                                         ++tested;
+                                         if (scene_.occluded(x, y + off)) return;
+                                         ++seen;
+                                     }
+                                     if (!out) return;
+                                     if (flat_is_exact)
+                                         kernel.add(*out, way, e.radiance, solid, irradiance);
+                                     else
+                                         kernel.add(*out, way, e.radiance * solid);
+                                 });
                 return;
             }
             const Light& light = lights_[ref.light];
@@ -249,10 +265,12 @@ void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patc
             if (light.angle_scale < 1) kernel.add(*out, normal, s.ambient);
         };
         if (!ref.penumbra) {
-            // In full view of the patch, or not seen at all: a few rays to make sure, more for a strong light. Where they
-            // agree there is no noise: the light is evaluated in the middle, its gradient cancels over the luxel.
+            // In full view of the patch, or not seen at all: a few rays to make sure, more for a strong light.
+            // Where they agree there is no noise: the light is evaluated in the middle, its gradient cancels over
+            // the luxel.
             const std::uint32_t checks = ref.samples <= 8 ? 1 : 4;
-            for (std::uint32_t k = 0; k < checks; ++k) shine(checks == 1 && !ref.hidden ? centroid + lift : place(k), k, 1, true, nullptr);
+            for (std::uint32_t k = 0; k < checks; ++k)
+                shine(checks == 1 && !ref.hidden ? centroid + lift : place(k), k, 1, true, nullptr);
             *rays += tested;
             if (seen == (ref.hidden ? 0 : tested)) {
                 if (ref.hidden) continue;
@@ -268,9 +286,9 @@ void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patc
             }
             seen = tested = 0;
         }
-        // A shadow edge. The number of rays follows from the patch's test rays, never from these: were it made by these,
-        // edges would lose the light of luxels hardly lit. A large or near emitter is many lights: fewer places, more
-        // points on it from each.
+        // A shadow edge. The number of rays follows from the patch's test rays, never from these: were it made by
+        // these, edges would lose the light of luxels hardly lit. A large or near emitter is many lights: fewer
+        // places, more points on it from each.
         const bool near = ref.is_emitter && !emitters_.is_far(ref.light, centroid + lift, normal);
         const std::uint32_t places = near ? std::min<std::uint32_t>(ref.samples, 4) : ref.samples;
         const std::uint32_t each = near ? 2 * ref.samples / places : 1;
@@ -287,7 +305,8 @@ void Bake::luxel_direct(std::span<const std::uint32_t> patches) {
     constexpr std::size_t kChunk = 16;
     parallel_for(context_, "light: direct", (patches.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
         std::uint64_t rays = 0;
-        for (const std::uint32_t p : patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk)))
+        for (const std::uint32_t p :
+             patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk)))
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
                 const Luxel& luxel = surfaces_.luxels[l];

@@ -35,7 +35,8 @@ EmitterSet::EmitterSet(const World& world, const Surfaces& s, Rgbd sky) : of_fac
         if (!e.triangle_count) continue;
         e.first_edge = static_cast<std::uint32_t>(edges.size());
         for (const auto& [edge, count] : directed)
-            if (!directed.contains({edge[1], edge[0]})) edges.push_back({s.positions[edge[0]], s.positions[edge[1]]});
+            if (!directed.contains({edge[1], edge[0]}))
+                edges.push_back({s.positions[edge[0]], s.positions[edge[1]]});
         e.edge_count = static_cast<std::uint32_t>(edges.size()) - e.first_edge;
         e.center = box.center();
         for (std::uint32_t t = 0; t < e.triangle_count; ++t) {

@@ -1,7 +1,7 @@
 // Emitters: faces that shine, lamps and sky alike, sampled explicitly where a cosine bundle would find them badly.
 //
-// The unoccluded contribution of an emitter is exact (Lambert's formula, clipped at the horizon); only visibility is
-// sampled. An emitter that is large against its distance is bisected until its parts are not.
+// The unoccluded contribution of an emitter is exact (Lambert's formula, clipped at the horizon); only visibility
+// is sampled. An emitter that is large against its distance is bisected until its parts are not.
 #pragma once
 #include "compiler/light/field.h"
 #include "compiler/light/lambert.h"
@@ -13,8 +13,8 @@ struct Emitter {
     FaceId face;
     Rgbd radiance;
     Vec3 normal;
-    double distance = 0;   // of its plane
-    Vec3 center;           // of the bounding ball
+    double distance = 0; // of its plane
+    Vec3 center;         // of the bounding ball
     double radius = 0, area = 0;
     std::uint32_t first_triangle = 0, triangle_count = 0; // into EmitterSet::triangles
     std::uint32_t first_edge = 0, edge_count = 0;         // boundary, directed
@@ -36,19 +36,19 @@ public:
 
     // Never less than the unoccluded form factor from x (normal n; zero: solid angle over pi instead), cheap.
     double bound(std::uint32_t emitter, Vec3 x, Vec3 n) const;
-    // The unoccluded form factor itself, clipped at the horizon of x and 0 behind the emitter; for a zero normal the
-    // solid angle over pi.
+    // The unoccluded form factor itself, clipped at the horizon of x and 0 behind the emitter; for a zero normal
+    // the solid angle over pi.
     double form_factor(std::uint32_t emitter, Vec3 x, Vec3 n) const;
 
-    // Points to test for visibility. Calls visit(point on the emitter, unit direction, solid angle, irradiance): what the
-    // point stands for, per unit radiance. The irradiances of each part of the emitter add up to pi times its exact form
-    // factor, which solid angle * cosine does not; but irradiance / cosine has no bound near the horizon, so kernels
-    // that do not fall with the cosine want the solid angle. For a zero normal both are the solid angle.
-    // `samples`: at least this many points in all (power of two), indices first..first+samples of `points`,
-    // dimensions (2,3). `share_limit`: parts below this form factor are not split further.
+    // Points to test for visibility. Calls visit(point on the emitter, unit direction, solid angle, irradiance):
+    // what the point stands for, per unit radiance. The irradiances of each part of the emitter add up to pi times
+    // its exact form factor, which solid angle * cosine does not; but irradiance / cosine has no bound near the
+    // horizon, so kernels that do not fall with the cosine want the solid angle. For a zero normal both are the
+    // solid angle. `samples`: at least this many points in all (power of two), indices first..first+samples of
+    // `points`, dimensions (2,3). `share_limit`: parts below this form factor are not split further.
     template <class Visit>
-    void sample(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples, const Sobol& points,
-                double share_limit, const Visit& visit) const;
+    void sample(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples,
+                const Sobol& points, double share_limit, const Visit& visit) const;
 
     // So far away and so high above the horizon of x that it need not be split.
     bool is_far(std::uint32_t emitter, Vec3 x, Vec3 n) const {
@@ -94,7 +94,8 @@ void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first
         if (!(sum > 0)) return;
         const double scale = factor * 3.14159265358979323846 / sum, area = e.area / samples;
         for (std::uint32_t i = 0; i < samples; ++i)
-            if (omega[i] > 0) visit(ys[i], ways[i], omega[i] * area, omega[i] * scale * (free ? 1 : dot(ways[i], n)));
+            if (omega[i] > 0)
+                visit(ys[i], ways[i], omega[i] * area, omega[i] * scale * (free ? 1 : dot(ways[i], n)));
         return;
     }
     std::uint32_t serial = 0;
@@ -110,7 +111,8 @@ void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first
         std::size_t count = 3;
         if (!free) count = clip_to_horizon(x, n, {tri.a, tri.b, tri.c}, &above);
         for (std::size_t i = 1; i + 1 < count; ++i)
-            sample_part(e, {above[0], above[i], above[i + 1]}, 0, x, n, first, per_factor, points, serial, share_limit, visit);
+            sample_part(e, {above[0], above[i], above[i + 1]}, 0, x, n, first, per_factor, points, serial,
+                        share_limit, visit);
     }
 }
 
@@ -130,8 +132,10 @@ void EmitterSet::sample_part(const Emitter& e, std::array<Vec3, 3> part, int dep
     if (depth < 12 && factor > share_limit && dot(side[longest], side[longest]) > dot(mid, mid)) {
         const std::size_t i = longest, j = (i + 1) % 3, k = (i + 2) % 3;
         const Vec3 m = (part[i] + part[j]) * 0.5;
-        sample_part(e, {part[i], m, part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit, visit);
-        sample_part(e, {m, part[j], part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit, visit);
+        sample_part(e, {part[i], m, part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit,
+                    visit);
+        sample_part(e, {m, part[j], part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit,
+                    visit);
         return;
     }
     // Parts share one point set, shifted (Cranley-Patterson) by the part's number.
@@ -164,10 +168,10 @@ void EmitterSet::sample_part(const Emitter& e, std::array<Vec3, 3> part, int dep
 // What one light entity sends to x: `weight` is irradiance on a plane facing `direction`. False: nothing.
 // Sun: `u` chooses a direction within its disc. Visibility is not asked.
 struct LightSample {
-    Vec3 direction;     // unit, from x to the light
-    Rgbd weight;        // times cosine: irradiance
-    Rgbd ambient;       // Quake's anglescale: the part that does not fall with the cosine (arrives along the normal)
-    Vec3 position;      // point and spot
+    Vec3 direction; // unit, from x to the light
+    Rgbd weight;    // times cosine: irradiance
+    Rgbd ambient;   // Quake's anglescale: the part that does not fall with the cosine (arrives along the normal)
+    Vec3 position;  // point and spot
     bool distant = false; // sun: visible where a ray reaches the sky
 };
 bool sample_light(const Light& light, Vec3 x, Vec3 n, Vec2 u, LightSample* out);

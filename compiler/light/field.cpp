@@ -28,7 +28,8 @@ Rgbd LightField::Data::reflected(const SceneHit& hit) const {
                 for (int i = 0; i < 2; ++i) {
                     const double u = x0 + i, v = y0 + j;
                     if (u < 0 || v < 0 || u >= chart.width || v >= chart.height) continue;
-                    const std::size_t t = chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u);
+                    const std::size_t t =
+                        chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u);
                     if (lighting.valid[t] != 1 || lighting.patch_index[t] >= kMixedPatch) continue;
                     const double w = (i ? x - x0 : 1 - x + x0) * (j ? y - y0 : 1 - y + y0);
                     sum += static_cast<Rgbd>(texel_reflected[t]) * w, weight += w;
@@ -63,8 +64,16 @@ Vec3 LightField::Data::origin_at(Vec3 point, Vec3 normal) const {
 
 LightField::LightField(const World& world, const Bsp&, const PlaneTable&, const Surfaces& surfaces,
                        const std::vector<Light>& lights, const Lighting& lighting)
-    : data_(new Data{world, surfaces, lights, lighting, TraceScene(world, surfaces), LuxelIndex(surfaces),
-                     EmitterSet(world, surfaces, sky_radiance(lights)), sky_radiance(lights), {}, {}}) {
+    : data_(new Data{world,
+                     surfaces,
+                     lights,
+                     lighting,
+                     TraceScene(world, surfaces),
+                     LuxelIndex(surfaces),
+                     EmitterSet(world, surfaces, sky_radiance(lights)),
+                     sky_radiance(lights),
+                     {},
+                     {}}) {
     Data& d = *data_;
     constexpr double inv_pi = 1 / kPi;
     d.patch_reflected.resize(lighting.patches.size());
@@ -82,10 +91,15 @@ LightField::LightField(const World& world, const Bsp&, const PlaneTable&, const 
 }
 LightField::~LightField() = default;
 
-const TraceScene& LightField::scene() const { return data_->scene; }
-const LightField::Data& LightField::data() const { return *data_; }
+const TraceScene& LightField::scene() const {
+    return data_->scene;
+}
+const LightField::Data& LightField::data() const {
+    return *data_;
+}
 
-void LightField::arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const {
+void LightField::arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
+                          const Arrival& arrival) const {
     arriving_direct(point, normal, seed, arrival);
     arriving_rest(point, normal, rays, seed, arrival);
 }
@@ -103,12 +117,14 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
             if (!sample_light(light, x, normal, points.pair(k, 0), &s)) continue;
             if (!(s.distant ? d.scene.reaches_sky(x, s.direction) : !d.scene.occluded(x, s.position))) continue;
             arrival(s.direction, s.weight * (1.0 / samples));
-            if (light.angle_scale < 1) arrival(normal == Vec3{} ? s.direction : normal, s.ambient * (1.0 / samples));
+            if (light.angle_scale < 1)
+                arrival(normal == Vec3{} ? s.direction : normal, s.ambient * (1.0 / samples));
         }
     }
 }
 
-void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const {
+void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
+                               const Arrival& arrival) const {
     const Data& d = *data_;
     const PathTracer tracer{d};
     const bool free = normal == Vec3{};
@@ -141,13 +157,14 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         } else if (!hits[i]->back) {
             emitter[i] = d.emitter(*hits[i], directions[i]);
             Random random(mix(seed, i, std::uint64_t{25}));
-            radiance[i] = d.is_near(*hits[i]) ? tracer.reflected(*hits[i], directions[i], random, true) : d.reflected(*hits[i]);
+            radiance[i] = d.is_near(*hits[i]) ? tracer.reflected(*hits[i], directions[i], random, true)
+                                              : d.reflected(*hits[i]);
             if (emitter[i] != UINT32_MAX) total += d.emitters.emitters[emitter[i]].radiance * (solid[i] * k);
         }
         total += radiance[i] * (solid[i] * k);
     }
-    // Emitters whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see them
-    // at all.
+    // Emitters whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see
+    // them at all.
     const double e = mean(total), background = e / kPi;
     std::vector<std::uint8_t> listed(d.emitters.emitters.size()), met(listed.size());
     for (const std::uint32_t i : emitter)
@@ -157,7 +174,8 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         const Emitter& emitter_i = d.emitters.emitters[i];
         const double contrast = mean(emitter_i.radiance) - background;
         if (contrast <= 0) continue;
-        const double least = 0.003 * e * std::sqrt(static_cast<double>(rays)) / (0.5 * kPi * contrast); // of sqrt(F)
+        const double least =
+            0.003 * e * std::sqrt(static_cast<double>(rays)) / (0.5 * kPi * contrast); // of sqrt(F)
         if (d.emitters.bound(i, x, normal) <= std::min(0.5, least * least)) continue;
         const double factor = d.emitters.form_factor(i, x, normal);
         if (factor <= std::min(0.5, least * least)) continue;
@@ -175,7 +193,8 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         });
     }
     for (std::uint32_t i = 0; i < rays; ++i) {
-        if (emitter[i] != UINT32_MAX && !listed[emitter[i]]) radiance[i] += d.emitters.emitters[emitter[i]].radiance;
+        if (emitter[i] != UINT32_MAX && !listed[emitter[i]])
+            radiance[i] += d.emitters.emitters[emitter[i]].radiance;
         if (max_component(radiance[i]) > 0) arrival(directions[i], radiance[i] * solid[i]);
     }
 }
@@ -202,7 +221,8 @@ Rgb LightField::radiance(Vec3 origin, Vec3 unit_direction, SceneHit* out) const 
         for (int i = 0; i < 2; ++i) {
             const double u = x0 + i, v = y0 + j;
             if (u < 0 || v < 0 || u >= chart.width || v >= chart.height) continue;
-            const std::size_t texel = chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u);
+            const std::size_t texel =
+                chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u);
             if (!d.lighting.valid[texel]) continue;
             const double w = (i ? x - x0 : 1 - x + x0) * (j ? y - y0 : 1 - y + y0);
             sum += static_cast<Rgbd>(d.lighting.flat[texel]) * w, weight += w;

@@ -9,11 +9,11 @@
 namespace kiln {
 
 struct SceneHit {
-    double distance = 0;       // map units
+    double distance = 0; // map units
     std::uint32_t triangle = 0;
     FaceId face;
     Vec3 position;
-    bool back = false;         // hit from behind: a leak event in a closed map
+    bool back = false; // hit from behind: a leak event in a closed map
     bool sky = false;
 };
 
@@ -60,7 +60,8 @@ public:
     void arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const;
     // Only direct light of entities (point, spot, sun), or only the rest.
     void arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, const Arrival& arrival) const;
-    void arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const;
+    void arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
+                       const Arrival& arrival) const;
     // Radiance leaving what a ray sees: emission + reflectance/pi * lightmap irradiance, or the sky. For probes.
     Rgb radiance(Vec3 origin, Vec3 unit_direction, SceneHit* hit = nullptr) const;
 

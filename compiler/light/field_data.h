@@ -21,7 +21,8 @@ struct LightField::Data {
     bool is_near(const SceneHit& hit) const;
     // The emitter that shines from a hit, seen from its front; UINT32_MAX: none.
     std::uint32_t emitter(const SceneHit& hit, Vec3 direction) const;
-    // Where rays from a point on a surface start: pushed off the face it lies on, wherever the given point was rounded to.
+    // Where rays from a point on a surface start: pushed off the face it lies on, wherever the given point was
+    // rounded to.
     Vec3 origin_at(Vec3 point, Vec3 normal) const;
 };
 

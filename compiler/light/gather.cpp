@@ -7,8 +7,10 @@
 namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
-double luminance(Rgbd c) { return mean(c); }
-constexpr double kNoiseRate = 0.65;   // noise of these bundles falls as N to the minus this
+double luminance(Rgbd c) {
+    return mean(c);
+}
+constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to the minus this
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 } // namespace
 
@@ -32,7 +34,9 @@ Vec2 HemisphereMap::from_cosine(Vec2 square) const {
     return {(c.x * scale + 1) / 2, (c.y * scale + 1) / 2};
 }
 
-void Guide::clear() { cell_.fill(0); }
+void Guide::clear() {
+    cell_.fill(0);
+}
 
 void Guide::add(Vec2 square, double light) {
     const int x = std::clamp(static_cast<int>(square.x * kSide), 0, kSide - 1);
@@ -77,7 +81,8 @@ Vec2 Guide::sample(Vec2 u, double* density) const {
         for (std::size_t step = kSide / 2; step; step /= 2)
             if (cdf[lo + step] <= wanted) lo += step;
         *cell = lo;
-        return (static_cast<double>(lo) + std::clamp((wanted - cdf[lo]) / (cdf[lo + 1] - cdf[lo]), 0.0, 1.0)) / kSide;
+        return (static_cast<double>(lo) + std::clamp((wanted - cdf[lo]) / (cdf[lo + 1] - cdf[lo]), 0.0, 1.0)) /
+               kSide;
     };
     std::size_t x = 0, y = 0;
     const double sx = invert(marginal_, u.x, &x);
@@ -86,8 +91,8 @@ Vec2 Guide::sample(Vec2 u, double* density) const {
     return {sx, sy};
 }
 
-// From the bundles of the row and of the patches next to it in the same plane, whose directions mean the same: a spot
-// that the patch's own rays missed is rarely missed by all of them.
+// From the bundles of the row and of the patches next to it in the same plane, whose directions mean the same: a
+// spot that the patch's own rays missed is rarely missed by all of them.
 void Bake::patch_guide(std::uint32_t p, const HemisphereMap& map, Guide* guide) const {
     guide->clear();
     const std::uint32_t m = quality_.row_rays;
@@ -103,7 +108,8 @@ void Bake::patch_guide(std::uint32_t p, const HemisphereMap& map, Guide* guide) 
             } else if (hit < kHitBlack) {
                 emitter = hit & ~kHitEmitter;
             }
-            if (emitter != UINT32_MAX && !listed(p, emitter)) light += luminance(emitters_.emitters[emitter].radiance);
+            if (emitter != UINT32_MAX && !listed(p, emitter))
+                light += luminance(emitters_.emitters[emitter].radiance);
             if (light > 0) guide->add(map.from_cosine(points.pair(i, 0)), weight * light);
         }
     };
@@ -113,9 +119,11 @@ void Bake::patch_guide(std::uint32_t p, const HemisphereMap& map, Guide* guide) 
     guide->build();
 }
 
-// Radiance reflected at a hit. One close by lies where light may vary within a luxel and much within a patch (the other
-// wall of a corner, a crevice): there the direct light of the luxel is kept and the rest taken one bounce further on.
-Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, int depth) const {
+// Radiance reflected at a hit. One close by lies where light may vary within a luxel and much within a patch (the
+// other wall of a corner, a crevice): there the direct light of the luxel is kept and the rest taken one bounce
+// further on.
+Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light,
+                        int depth) const {
     constexpr double kNearLuxels = 1.5;
     constexpr int kNearBounces = 4;
     const Face& face = surfaces_.faces[hit.face.at()];
@@ -136,16 +144,17 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                     const std::uint32_t e = emitters_.of_face[next->face.at()];
                     if (e != UINT32_MAX && !listed(patch, e)) radiance += emitters_.emitters[e].radiance;
                 }
-                return static_cast<Rgbd>(light.direct[texel]) + static_cast<Rgbd>(patches_.patches[patch].reflectance) * radiance;
+                return static_cast<Rgbd>(light.direct[texel]) +
+                       static_cast<Rgbd>(patches_.patches[patch].reflectance) * radiance;
             }
         }
     }
     return reflected_radiance(surfaces_, index_, patches_, light, hit);
 }
 
-LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map, std::uint32_t rays,
-                         std::uint64_t seed, std::vector<std::uint32_t>* met, const ReflectedLight* coarse,
-                         Rgbd* coarse_flat) const {
+LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
+                         std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
+                         const ReflectedLight* coarse, Rgbd* coarse_flat) const {
     LuxelGather out;
     const Luxel& luxel = surfaces_.luxels[l];
     const Footprint footprint = footprint_of_luxel(l);
@@ -208,7 +217,8 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
                 emitted = emitters_.emitters[emitter].radiance;
             radiance += emitted;
             if (coarse)
-                *coarse_flat += (reflected_at(*found[i], directions[i], same, *coarse, 0) + emitted) * (weights[i] * k[0] / rays);
+                *coarse_flat += (reflected_at(*found[i], directions[i], same, *coarse, 0) + emitted) *
+                                (weights[i] * k[0] / rays);
         }
         const double w = weights[i];
         const Rgbd flat = radiance * (w * k[0]);
@@ -218,13 +228,14 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         unit_square += w * k[0] * w * k[0];
         cross_sum += flat * (w * k[0]);
         if (kernel.cone)
-            for (std::size_t j = 0; j < 3; ++j) out.sum.rnm[j] += radiance * (w * k[j + 1]), unit[j + 1] += w * k[j + 1];
+            for (std::size_t j = 0; j < 3; ++j)
+                out.sum.rnm[j] += radiance * (w * k[j + 1]), unit[j + 1] += w * k[j + 1];
     }
     const double n = rays;
     out.sum *= 1 / n;
     for (double& u : unit) u /= n;
-    // Control variate: E = mean(L w) - beta (mean(w) - pi), beta by regression. Where all radiance is alike the result
-    // is exact; where the guide has done its work beta is near zero by itself.
+    // Control variate: E = mean(L w) - beta (mean(w) - pi), beta by regression. Where all radiance is alike the
+    // result is exact; where the guide has done its work beta is near zero by itself.
     const double spread = unit_square / n - unit[0] * unit[0];
     if (spread > 1e-9 && dot(kernel.frame.n, normal) > 1 - 1e-9) {
         const Rgbd beta = (cross_sum / n - out.sum.flat * unit[0]) / spread;
@@ -244,8 +255,8 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     return out;
 }
 
-// Rays per patch such that the rRMSE of noise is `wanted` at the least cost. With noise falling as N^-0.65, N goes with
-// the 0.87th power of the noise of a single ray (Lagrange). Never fewer than before.
+// Rays per patch such that the rRMSE of noise is `wanted` at the least cost. With noise falling as N^-0.65, N goes
+// with the 0.87th power of the noise of a single ray (Lagrange). Never fewer than before.
 void Bake::share_rays(double wanted) {
     const double power = 2 / (1 + 2 * kNoiseRate);
     double area = 0, sum = 0;
@@ -272,16 +283,22 @@ void Bake::share_rays(double wanted) {
     }
 }
 
-// Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no reference
-// needed; the same rays looked up in patches of twice the size show how much the patches still matter.
+// Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no
+// reference needed; the same rays looked up in patches of twice the size show how much the patches still matter.
 Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
     constexpr std::uint32_t kReplicates = 4;
     constexpr int kNormals = 6;
     constexpr double kTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30
     std::vector<std::uint32_t> chosen;
     for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
-        if (luxel_patch_[l] != kNoPatch && !covered_[luxel_patch_[l]] && seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0) chosen.push_back(l);
-    struct Result { std::array<Rgbd, kReplicates> value, direct; Rgbd fine, coarse; double area = 0, representation = 0; };
+        if (luxel_patch_[l] != kNoPatch && !covered_[luxel_patch_[l]] &&
+            seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0)
+            chosen.push_back(l);
+    struct Result {
+        std::array<Rgbd, kReplicates> value, direct;
+        Rgbd fine, coarse;
+        double area = 0, representation = 0;
+    };
     std::vector<Result> results(chosen.size());
     constexpr std::size_t kChunk = 8;
     parallel_for(context_, "light: pilot", (chosen.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
@@ -297,7 +314,8 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             for (std::uint32_t r = 0; r < kReplicates; ++r) {
                 const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
                 Rgbd coarse;
-                const LuxelGather g = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse);
+                const LuxelGather g =
+                    gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse);
                 KernelSum direct;
                 std::uint64_t shadow = 0;
                 direct_at(footprint, chart.n, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow);
@@ -321,9 +339,11 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
                 const Vec3 world = kernel.frame.world(n);
                 LuxelKernel tilted;
                 tilted.frame = frame_around(world);
-                const double truth = mean(light(tilted).flat), shown = mean(rnm_evaluate(kernel.encoding, stored, n));
+                const double truth = mean(light(tilted).flat),
+                             shown = mean(rnm_evaluate(kernel.encoding, stored, n));
                 const double scale = std::max(truth, floor_);
-                if (scale > 0) results[i].representation += (shown - truth) * (shown - truth) / (scale * scale * kNormals);
+                if (scale > 0)
+                    results[i].representation += (shown - truth) * (shown - truth) / (scale * scale * kNormals);
             }
         }
     });
@@ -362,7 +382,8 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
     }
     const double n = static_cast<double>(results.size());
     double shown = 0;
-    for (const Result& r : results) out.representation += r.representation * r.area, shown += r.representation > 0 ? r.area : 0;
+    for (const Result& r : results)
+        out.representation += r.representation * r.area, shown += r.representation > 0 ? r.area : 0;
     if (shown > 0) out.representation = std::sqrt(out.representation / shown);
     noise /= area, bias /= area, direct /= area;
     out.noise = std::sqrt(noise), out.bias = std::sqrt(bias);
@@ -372,16 +393,17 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
     return out;
 }
 
-// All luxels of the patches. Emitters met by surprise are returned, per patch, and left out of the result, which then is
-// to be done again for those patches; not in the last pass. Passes with more rays use others than those before: what
-// decided that a place is noisy must not be part of its value.
+// All luxels of the patches. Emitters met by surprise are returned, per patch, and left out of the result, which
+// then is to be done again for those patches; not in the last pass. Passes with more rays use others than those
+// before: what decided that a place is noisy must not be part of its value.
 std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std::uint32_t> patches, Pass pass) {
     constexpr std::size_t kChunk = 16; // patches: their luxels share a guide
     std::vector<HitCounts> counts((patches.size() + kChunk - 1) / kChunk);
     std::vector<std::vector<std::uint32_t>> found(patches_.patches.size());
     parallel_for(context_, "light: gather", counts.size(), [&](std::size_t chunk) {
         Guide guide;
-        for (const std::uint32_t p : patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
+        for (const std::uint32_t p :
+             patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
             if (covered_[p]) continue;
             bool built = false;
             double variance = 0;
@@ -392,10 +414,13 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 const HemisphereMap map = map_of(l);
                 if (!built) patch_guide(p, map, &guide), built = true;
                 const LuxelKernel kernel = kernel_of(l);
-                const LuxelGather g = gather(l, kernel, guide, map, rays_[p], seed_at(luxel_centroid(luxel), pass == Pass::first ? 4 : 16 + rays_[p]), pass == Pass::last ? nullptr : &found[p]);
+                const LuxelGather g =
+                    gather(l, kernel, guide, map, rays_[p],
+                           seed_at(luxel_centroid(luxel), pass == Pass::first ? 4 : 16 + rays_[p]),
+                           pass == Pass::last ? nullptr : &found[p]);
                 const std::size_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
-                // Inside something that the exact geometry does not know to be solid (a brush model in a wall): filled
-                // from the neighbours.
+                // Inside something that the exact geometry does not know to be solid (a brush model in a wall):
+                // filled from the neighbours.
                 if (2 * (g.hits.back + (sealed_ ? g.hits.escaped : 0)) > g.hits.rays) continue;
                 counts[chunk] += g.hits;
                 KernelSum sum = direct_[l];
@@ -403,7 +428,8 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 out_.flat[texel] = static_cast<Rgb>(sum.flat);
                 out_.valid[texel] = 1;
                 const double e = mean(sum.flat), scale = std::max(e, floor_);
-                if (scale > 0) variance += g.variance / (scale * scale) / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+                if (scale > 0)
+                    variance += g.variance / (scale * scale) / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
                 out_.texel_error[texel] = e > 0 ? static_cast<float>(std::sqrt(g.variance) / e) : 0;
                 if (cones_[luxel.chart.at()])
                     out_.rnm[out_.rnm_first[luxel.chart.at()] + (texel - chart.first_texel)] = kernel.finish(sum);

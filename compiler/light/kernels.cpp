@@ -4,7 +4,10 @@
 namespace kiln {
 namespace {
 
-struct ConeNormal { Vec3 n; double p = 0; };
+struct ConeNormal {
+    Vec3 n;
+    double p = 0;
+};
 
 // Midpoint rule, uniform in solid angle; 48 x 96 normals put g within 1e-4 of its limit.
 std::vector<ConeNormal> cone_normals(double cone_deg) {
@@ -69,16 +72,20 @@ ConeTable::ConeTable(RnmEncoding encoding, double cone_deg) {
     // Over the upper half, trapezoidal in z, exact in azimuth for the interpolated table.
     for (int i = kRows / 2; i <= kRows; ++i)
         for (int j = 0; j < kColumns; ++j)
-            uniform_moment_ += moment_[static_cast<std::size_t>(i * kColumns + j)] * (i == kRows / 2 || i == kRows ? 0.5 : 1) *
-                               (2.0 / kRows) * (2 * std::numbers::pi / kColumns);
+            uniform_moment_ += moment_[static_cast<std::size_t>(i * kColumns + j)] *
+                               (i == kRows / 2 || i == kRows ? 0.5 : 1) * (2.0 / kRows) *
+                               (2 * std::numbers::pi / kColumns);
 }
 
 double ConeTable::moment(double cos_theta, double azimuth_turns) const {
     const double x = std::clamp((cos_theta + 1) * 0.5 * kRows, 0.0, static_cast<double>(kRows));
     const double y = (azimuth_turns - std::floor(azimuth_turns)) * kColumns;
-    const int i = std::min(static_cast<int>(x), kRows - 1), j = static_cast<int>(y) % kColumns, k = (j + 1) % kColumns;
+    const int i = std::min(static_cast<int>(x), kRows - 1), j = static_cast<int>(y) % kColumns,
+              k = (j + 1) % kColumns;
     const double f = x - i, g = y - std::floor(y);
-    const auto at = [&](int r, int c) { return static_cast<double>(moment_[static_cast<std::size_t>(r * kColumns + c)]); };
+    const auto at = [&](int r, int c) {
+        return static_cast<double>(moment_[static_cast<std::size_t>(r * kColumns + c)]);
+    };
     return (1 - f) * ((1 - g) * at(i, j) + g * at(i, k)) + f * ((1 - g) * at(i + 1, j) + g * at(i + 1, k));
 }
 
@@ -115,8 +122,8 @@ std::array<Rgb, 3> LuxelKernel::finish(const KernelSum& sum) const {
         for (std::size_t i = 0; i < 3; ++i) out[i] = static_cast<Rgb>(sum.rnm[i]);
         return out;
     }
-    // Minimise l'Gl/2 - m'l with mean(l) = E(z), l >= 0. By symmetry G = (a-b) I + b 11', and 1'l is fixed, so this is
-    // the projection of m/(a-b) on the simplex {l >= 0, sum = 3 E(z)}.
+    // Minimise l'Gl/2 - m'l with mean(l) = E(z), l >= 0. By symmetry G = (a-b) I + b 11', and 1'l is fixed, so this
+    // is the projection of m/(a-b) on the simplex {l >= 0, sum = 3 E(z)}.
     for (std::size_t c = 0; c < 3; ++c) {
         std::array<double, 3> v{};
         for (std::size_t i = 0; i < 3; ++i) v[i] = sum.rnm[i][c] / cone->gram_scale();

@@ -48,7 +48,7 @@ public:
     }
     double moment(double cos_theta, double azimuth_turns) const; // of basis vector 0, sq
     double gram_scale() const { return gram_scale_; }            // a - b of the Gram matrix of the w^_i
-    double uniform_moment() const { return uniform_moment_; }    // integral of the moment kernel over the hemisphere
+    double uniform_moment() const { return uniform_moment_; } // integral of the moment kernel over the hemisphere
 
 private:
     static constexpr int kNodes = 512, kRows = 64, kColumns = 96;
@@ -59,9 +59,9 @@ private:
 
 // The kernel of one luxel.
 struct LuxelKernel {
-    Frame frame;                       // around the shading normal
+    Frame frame; // around the shading normal
     RnmEncoding encoding = RnmEncoding::dot;
-    const ConeTable* cone = nullptr;   // none: flat only
+    const ConeTable* cone = nullptr; // none: flat only
     // The flat kernel and the three directional ones (0 where there is no cone).
     std::array<double, 4> values(Vec3 direction) const;
     // Their integrals over the hemisphere of frame.n.

@@ -4,7 +4,8 @@
 // In       world, bsp, surfaces, lights
 // Out      per texel irradiance-like values (E without albedo, without 1/pi), patch radiosity, error estimate
 // Errors   none of its own: a world without charts gives empty tables
-// Source   C. Goral et al., "Modeling the Interaction of Light Between Diffuse Surfaces", SIGGRAPH 1984; rows by rays and the
+// Source   C. Goral et al., "Modeling the Interaction of Light Between Diffuse Surfaces", SIGGRAPH 1984; rows by
+// rays and the
 //          guided gather, with their measurements and limits: NOTES.md
 #pragma once
 #include "compiler/light/lights.h"
@@ -16,10 +17,10 @@ enum class RnmEncoding : std::uint8_t { dot, sq, tilted };
 enum class Directional : std::uint8_t { needed, all, none };
 
 struct LightOptions {
-    double error_percent = 5;         // target rRMSE of displayed irradiance
+    double error_percent = 5; // target rRMSE of displayed irradiance
     RnmEncoding encoding = RnmEncoding::dot;
     Directional directional = Directional::needed; // needed: where a material has a normal map
-    double error_floor = 0.02;        // of the scene mean, in rRMSE
+    double error_floor = 0.02;                     // of the scene mean, in rRMSE
     std::uint64_t seed = 1;
     template <class A> void fields(A& a) { a(error_percent, encoding, directional, error_floor, seed); }
 };
@@ -27,22 +28,24 @@ struct LightOptions {
 struct Patch {
     FaceId face;
     Vec3 centroid;
-    double area = 0;      // map units squared
+    double area = 0;           // map units squared
     Rgb reflectance, emission; // emission: radiosity emitted M = pi * material.emission
     template <class A> void fields(A& a) { a(face, centroid, area, reflectance, emission); }
 };
 
-struct ErrorReport { // percent, rRMSE of displayed irradiance
+struct ErrorReport {                                    // percent, rRMSE of displayed irradiance
     double target = 0, estimate = 0, low = 0, high = 0; // 95 % interval
     double noise = 0, patch_bias = 0, iteration = 0;
-    double representation = 0;     // of the RNM encoding: the format's, not the bake's
-    template <class A> void fields(A& a) { a(target, estimate, low, high, noise, patch_bias, iteration, representation); }
+    double representation = 0; // of the RNM encoding: the format's, not the bake's
+    template <class A> void fields(A& a) {
+        a(target, estimate, low, high, noise, patch_bias, iteration, representation);
+    }
 };
 
 struct Lighting {
     RnmEncoding encoding = RnmEncoding::dot;
     std::vector<Patch> patches;
-    std::vector<Rgb> radiosity;      // per patch: B, all bounces, emission included
+    std::vector<Rgb> radiosity; // per patch: B, all bounces, emission included
     // Patch lookup (patches.h): per texel, UINT32_MAX none, UINT32_MAX - 1 several: then by piece; faces without a
     // chart have one patch or none.
     std::vector<std::uint32_t> patch_index, piece_patch, face_patch;
@@ -51,14 +54,14 @@ struct Lighting {
     std::vector<std::uint8_t> chart_directional; // per chart
     std::vector<std::uint32_t> rnm_first;        // per chart: first entry in rnm, or UINT32_MAX
     std::vector<std::array<Rgb, 3>> rnm;         // per texel of directional charts
-    std::vector<float> texel_error;  // per texel: estimated relative standard error, 0 where unknown
+    std::vector<float> texel_error;              // per texel: estimated relative standard error, 0 where unknown
     ErrorReport error;
     std::uint64_t rays = 0, escaped_rays = 0, back_face_rays = 0;
     std::uint32_t iterations = 0;
-    std::uint32_t gather_rays = 0;   // per luxel, mean
+    std::uint32_t gather_rays = 0; // per luxel, mean
     template <class A> void fields(A& a) {
-        a(encoding, patches, radiosity, patch_index, piece_patch, face_patch, flat, valid, chart_directional, rnm_first, rnm,
-          texel_error, error, rays, escaped_rays, back_face_rays, iterations, gather_rays);
+        a(encoding, patches, radiosity, patch_index, piece_patch, face_patch, flat, valid, chart_directional,
+          rnm_first, rnm, texel_error, error, rays, escaped_rays, back_face_rays, iterations, gather_rays);
     }
 };
 Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,

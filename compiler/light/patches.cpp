@@ -9,9 +9,9 @@
 namespace kiln {
 namespace {
 
-constexpr double kTouch = 1e-5;       // luxel units: coordinates of neighbouring pieces are rounded separately
+constexpr double kTouch = 1e-5;        // luxel units: coordinates of neighbouring pieces are rounded separately
 constexpr double kShortestEdge = 1e-3; // luxel units: contact shorter than this carries no light worth joining for
-constexpr double kInset = 1 - 0x1p-9; // footprint cells shrink to this share of themselves
+constexpr double kInset = 1 - 0x1p-9;  // footprint cells shrink to this share of themselves
 
 bool whole(const Surfaces& s, const Luxel& l) {
     return l.piece_count == 1 && l.area > 1 - 1e-6f && s.pieces[l.first_piece].point_count == 4;
@@ -56,7 +56,8 @@ double polygon_area(std::span<const Vec2> p) {
     return std::abs(sum) / 2;
 }
 
-LuxelIndex::LuxelIndex(const Surfaces& surfaces) : surfaces_(surfaces), texel_luxel_(surfaces.texel_count, UINT32_MAX) {
+LuxelIndex::LuxelIndex(const Surfaces& surfaces)
+    : surfaces_(surfaces), texel_luxel_(surfaces.texel_count, UINT32_MAX) {
     for (std::size_t i = 0; i < surfaces.luxels.size(); ++i) {
         const Luxel& l = surfaces.luxels[i];
         const Chart& c = surfaces.charts[l.chart.at()];
@@ -80,7 +81,8 @@ std::uint32_t LuxelIndex::piece_at(FaceId face, const Chart& c, Vec3 point) cons
     double best_out = 1e30; // how far the point is outside the piece
     const auto look = [&](int x, int y) {
         if (x < 0 || y < 0 || x >= static_cast<int>(c.width) || y >= static_cast<int>(c.height)) return;
-        const std::uint32_t l = texel_luxel_[c.first_texel + static_cast<std::uint32_t>(y) * c.width + static_cast<std::uint32_t>(x)];
+        const std::uint32_t l =
+            texel_luxel_[c.first_texel + static_cast<std::uint32_t>(y) * c.width + static_cast<std::uint32_t>(x)];
         if (l == UINT32_MAX) return;
         const Luxel& luxel = surfaces_.luxels[l];
         for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
@@ -105,9 +107,9 @@ std::uint32_t LuxelIndex::piece_at(FaceId face, const Chart& c, Vec3 point) cons
     return best;
 }
 
-std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index, std::span<const std::uint32_t> texel_patch,
-                       std::span<const std::uint32_t> piece_patch, std::span<const std::uint32_t> face_patch,
-                       FaceId face, Vec3 point) {
+std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index,
+                       std::span<const std::uint32_t> texel_patch, std::span<const std::uint32_t> piece_patch,
+                       std::span<const std::uint32_t> face_patch, FaceId face, Vec3 point) {
     const Face& f = surfaces.faces[face.at()];
     if (!f.chart.valid()) return face_patch[face.at()];
     const Chart& chart = surfaces.charts[f.chart.at()];
@@ -130,7 +132,8 @@ PieceEdges piece_adjacency(const Surfaces& s) {
         const bool plain = whole(s, a) && whole(s, b);
         for (std::uint32_t i = 0; i < a.piece_count; ++i)
             for (std::uint32_t j = 0; j < b.piece_count; ++j)
-                if (plain || share_edge(points_of(s, s.pieces[a.first_piece + i]), points_of(s, s.pieces[b.first_piece + j]))) {
+                if (plain || share_edge(points_of(s, s.pieces[a.first_piece + i]),
+                                        points_of(s, s.pieces[b.first_piece + j]))) {
                     const std::uint32_t p = a.first_piece + i, q = b.first_piece + j;
                     edges.push_back({std::min(p, q), std::max(p, q)});
                 }
@@ -139,10 +142,12 @@ PieceEdges piece_adjacency(const Surfaces& s) {
         const Chart& c = s.charts[l.chart.at()];
         for (std::uint32_t i = 0; i < l.piece_count; ++i)
             for (std::uint32_t j = i + 1; j < l.piece_count; ++j)
-                if (share_edge(points_of(s, s.pieces[l.first_piece + i]), points_of(s, s.pieces[l.first_piece + j])))
+                if (share_edge(points_of(s, s.pieces[l.first_piece + i]),
+                               points_of(s, s.pieces[l.first_piece + j])))
                     edges.push_back({l.first_piece + i, l.first_piece + j});
         const std::uint32_t texel = c.first_texel + l.y * c.width + l.x;
-        if (l.x + 1u < c.width && index.luxel_of(texel + 1) != UINT32_MAX) between(l, s.luxels[index.luxel_of(texel + 1)]);
+        if (l.x + 1u < c.width && index.luxel_of(texel + 1) != UINT32_MAX)
+            between(l, s.luxels[index.luxel_of(texel + 1)]);
         if (l.y + 1u < c.height && index.luxel_of(texel + c.width) != UINT32_MAX)
             between(l, s.luxels[index.luxel_of(texel + c.width)]);
     }
@@ -162,14 +167,17 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
     std::vector<Key> key(piece_count);
     std::vector<double> area(piece_count), cell(piece_count);
     std::vector<std::uint32_t> piece_luxel(piece_count);
-    const auto emits = [&](FaceId f) { return max_component(world.materials[s.faces[f.at()].material.at()].emission) > 0; };
+    const auto emits = [&](FaceId f) {
+        return max_component(world.materials[s.faces[f.at()].material.at()].emission) > 0;
+    };
     for (std::size_t i = 0; i < s.luxels.size(); ++i) {
         const Luxel& l = s.luxels[i];
         const Chart& c = s.charts[l.chart.at()];
         const int shift = std::clamp(static_cast<int>(std::floor(std::log2(h / c.luxel_size) + 1e-9)), 0, 12);
         // Blocks are anchored to the world as the luxel lattice is, so that an edit elsewhere does not move them.
         const auto block = [&](double origin, std::uint32_t at) {
-            return static_cast<std::uint64_t>((std::llround(origin / c.luxel_size) + at + (1ll << 40)) >> shift) & 0xFFFFu;
+            return static_cast<std::uint64_t>((std::llround(origin / c.luxel_size) + at + (1ll << 40)) >> shift) &
+                   0xFFFFu;
         };
         for (std::uint32_t k = 0; k < l.piece_count; ++k) {
             const std::uint32_t p = l.first_piece + k;
@@ -213,7 +221,8 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
     std::vector<std::vector<std::uint32_t>> members;
     for (std::uint32_t p = 0; p < piece_count; ++p) {
         const std::uint32_t root = sets.find(p);
-        if (of_root[root] == kNoPatch) of_root[root] = static_cast<std::uint32_t>(members.size()), members.emplace_back();
+        if (of_root[root] == kNoPatch)
+            of_root[root] = static_cast<std::uint32_t>(members.size()), members.emplace_back();
         out.piece_patch[p] = of_root[root];
         members[of_root[root]].push_back(p);
     }
@@ -285,7 +294,8 @@ void Footprint::add(Vec3 corner, Vec3 u, Vec3 v, bool parallelogram) {
     if (!(a > 0)) return;
     const double lu = length(u), lv = length(v), sum = area() + a;
     if (parallelogram) {
-        const double su = std::clamp(1 - 2 * margin_ * lv / a, 0.0, kInset), sv = std::clamp(1 - 2 * margin_ * lu / a, 0.0, kInset);
+        const double su = std::clamp(1 - 2 * margin_ * lv / a, 0.0, kInset),
+                     sv = std::clamp(1 - 2 * margin_ * lu / a, 0.0, kInset);
         cells_.push_back({corner + (u * (1 - su) + v * (1 - sv)) * 0.5, u * su, v * sv, sum, true});
     } else {
         // Towards the centre of the inscribed circle, where all three sides are left behind at the same pace.
@@ -307,7 +317,9 @@ void Footprint::add_piece(const Surfaces& s, const Chart& c, const LuxelPiece& p
     for (std::size_t i = 1; i + 1 < n; ++i) add(at(0), at(i) - at(0), at(i + 1) - at(0), false);
 }
 
-void Footprint::add_triangle(Vec3 a, Vec3 b, Vec3 c) { add(a, b - a, c - a, false); }
+void Footprint::add_triangle(Vec3 a, Vec3 b, Vec3 c) {
+    add(a, b - a, c - a, false);
+}
 
 Vec3 Footprint::centroid() const {
     Vec3 sum;

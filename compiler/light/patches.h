@@ -1,6 +1,6 @@
-// Patches: the elements on which all bounces are solved. A patch is a set of luxel pieces of one chart: those of one
-// material that lie in one power-of-two block of luxels and hang together along edges. A wall that stands on a floor
-// cuts the pieces, so nothing spreads under it. Faces without a chart are one patch each.
+// Patches: the elements on which all bounces are solved. A patch is a set of luxel pieces of one chart: those of
+// one material that lie in one power-of-two block of luxels and hang together along edges. A wall that stands on a
+// floor cuts the pieces, so nothing spreads under it. Faces without a chart are one patch each.
 #pragma once
 #include "compiler/light/light.h"
 #include "libs/sampling/sobol.h"
@@ -18,9 +18,9 @@ constexpr std::uint32_t kMixedPatch = UINT32_MAX - 1; // a texel whose pieces be
 
 struct PatchTable {
     std::vector<Patch> patches;
-    std::vector<std::uint32_t> texel_patch; // per texel; kNoPatch, kMixedPatch
-    std::vector<std::uint32_t> piece_patch; // per piece
-    std::vector<std::uint32_t> face_patch;  // per face without chart; else kNoPatch
+    std::vector<std::uint32_t> texel_patch;         // per texel; kNoPatch, kMixedPatch
+    std::vector<std::uint32_t> piece_patch;         // per piece
+    std::vector<std::uint32_t> face_patch;          // per face without chart; else kNoPatch
     std::vector<std::uint32_t> first_piece, pieces; // per patch: its pieces (none for faces without chart)
 };
 
@@ -47,14 +47,14 @@ private:
 };
 
 // Hit -> patch, from the tables kept in Lighting.
-std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index, std::span<const std::uint32_t> texel_patch,
-                       std::span<const std::uint32_t> piece_patch, std::span<const std::uint32_t> face_patch,
-                       FaceId face, Vec3 point);
+std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index,
+                       std::span<const std::uint32_t> texel_patch, std::span<const std::uint32_t> piece_patch,
+                       std::span<const std::uint32_t> face_patch, FaceId face, Vec3 point);
 
 Vec3 world_from_luxel(const Surfaces& surfaces, const Chart& chart, FaceId face, Vec2 luxel);
 
-// Uniform points on a union of pieces or triangles; all lie inside by a margin, so that neither rounding nor the push off
-// the surface can carry one into a wall at its rim, even one that leans over it.
+// Uniform points on a union of pieces or triangles; all lie inside by a margin, so that neither rounding nor the
+// push off the surface can carry one into a wall at its rim, even one that leans over it.
 class Footprint {
 public:
     explicit Footprint(double margin = 0) : margin_(margin) {} // map units

@@ -1,5 +1,5 @@
-// One path tracer for two uses: the truth (`reference`), and the first few units around a point, where a lightmap is too
-// coarse to say what a surface close by sends.
+// One path tracer for two uses: the truth (`reference`), and the first few units around a point, where a lightmap
+// is too coarse to say what a surface close by sends.
 #pragma once
 #include "compiler/light/field_data.h"
 #include "libs/sampling/maps.h"
@@ -11,7 +11,8 @@ namespace kiln {
 struct Choice {
     std::vector<double> cumulative;
     double total() const { return cumulative.empty() ? 0 : cumulative.back(); }
-    // Emitters no brighter than `least` are left to the rays that go on: what does not stand out makes no noise there.
+    // Emitters no brighter than `least` are left to the rays that go on: what does not stand out makes no noise
+    // there.
     void build(const EmitterSet& set, Vec3 x, Vec3 n, double least = 0) {
         cumulative.clear();
         double sum = 0;
@@ -20,13 +21,11 @@ struct Choice {
             cumulative.push_back(sum += radiance > least ? radiance * set.bound(i, x, n) : 0);
         }
     }
-    double probability(std::uint32_t i) const {
-        return (cumulative[i] - (i ? cumulative[i - 1] : 0)) / total();
-    }
+    double probability(std::uint32_t i) const { return (cumulative[i] - (i ? cumulative[i - 1] : 0)) / total(); }
     std::uint32_t pick(double u) const {
         const auto at = std::upper_bound(cumulative.begin(), cumulative.end(), u * total());
-        return static_cast<std::uint32_t>(std::min<std::ptrdiff_t>(at - cumulative.begin(),
-                                                                    static_cast<std::ptrdiff_t>(cumulative.size()) - 1));
+        return static_cast<std::uint32_t>(
+            std::min<std::ptrdiff_t>(at - cumulative.begin(), static_cast<std::ptrdiff_t>(cumulative.size()) - 1));
     }
 };
 
@@ -37,10 +36,11 @@ struct PathTracer {
         const double p = choice.total() > 0 ? choice.probability(e) : 0;
         return p * dot(d_to, d_to) / (d.emitters.emitters[e].area * cosine);
     }
-    // One explicit sample of an emitter: direction and radiance over density, weighted against `other` (density of the
-    // bundle in that direction).
+    // One explicit sample of an emitter: direction and radiance over density, weighted against `other` (density of
+    // the bundle in that direction).
     template <class Other>
-    bool emitter_sample(const Choice& choice, Vec3 x, Vec3 n, double pick, Vec2 u, const Other& other, Vec3* way, Rgbd* weight) const {
+    bool emitter_sample(const Choice& choice, Vec3 x, Vec3 n, double pick, Vec2 u, const Other& other, Vec3* way,
+                        Rgbd* weight) const {
         if (!(choice.total() > 0)) return false;
         const std::uint32_t e = choice.pick(pick);
         const Emitter& emitter = d.emitters.emitters[e];
@@ -67,8 +67,8 @@ struct PathTracer {
         }
         return e;
     }
-    // Radiance reflected at `hit` towards where the ray came from. `cached`: a vertex further than a luxel or two from
-    // the one before takes what the bake stored there, and the path ends.
+    // Radiance reflected at `hit` towards where the ray came from. `cached`: a vertex further than a luxel or two
+    // from the one before takes what the bake stored there, and the path ends.
     Rgbd reflected(SceneHit hit, Vec3 came, Random& random, bool cached) const;
 };
 

@@ -1,6 +1,6 @@
-// Path-traced truth. Every vertex samples one emitter by its possible contribution and continues by the cosine; both
-// find emitters, and the balance heuristic (E. Veach 1997) counts each radiance once. Nothing of the bake is used
-// but the tracer and the list of emitters.
+// Path-traced truth. Every vertex samples one emitter by its possible contribution and continues by the cosine;
+// both find emitters, and the balance heuristic (E. Veach 1997) counts each radiance once. Nothing of the bake is
+// used but the tracer and the list of emitters.
 #include "compiler/light/path_tracer.h"
 
 namespace kiln {
@@ -38,7 +38,8 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached)
         Vec3 way;
         Rgbd weight;
         const double pick = random(), u = random(), v = random();
-        if (emitter_sample(choice, x, n, pick, {u, v}, [&](Vec3 w) { return dot(w, n) / kPi; }, &way, &weight))
+        if (emitter_sample(
+                choice, x, n, pick, {u, v}, [&](Vec3 w) { return dot(w, n) / kPi; }, &way, &weight))
             sum += throughput * weight * (dot(way, n) / kPi);
         const double a = random(), b = random();
         const Vec3 next = frame_around(n).world(cosine_hemisphere({a, b}));
@@ -69,7 +70,9 @@ void reference_arriving(const LightField& field, Vec3 point, Vec3 normal, std::u
     const Frame frame = free ? Frame{} : frame_around(normal);
     Choice choice;
     choice.build(d.emitters, x, normal);
-    const auto density = [&](Vec3 w) { return free ? 1 / (4 * kPi) : dot(w, normal) > 0 ? kFirstMap.density(dot(w, normal)) : 0.0; };
+    const auto density = [&](Vec3 w) {
+        return free ? 1 / (4 * kPi) : dot(w, normal) > 0 ? kFirstMap.density(dot(w, normal)) : 0.0;
+    };
     const Sobol points(mix(seed, std::uint64_t{31}));
     const double share = 1.0 / paths;
     for (std::uint32_t i = 0; i < paths; ++i) {
@@ -90,7 +93,8 @@ void reference_arriving(const LightField& field, Vec3 point, Vec3 normal, std::u
             radiance = tracer.reflected(*hit, direction, random, false);
             const std::uint32_t e = d.emitter(*hit, direction);
             if (e != UINT32_MAX) {
-                const double p = tracer.density_of(choice, e, hit->position - x, -dot(direction, d.emitters.emitters[e].normal));
+                const double p =
+                    tracer.density_of(choice, e, hit->position - x, -dot(direction, d.emitters.emitters[e].normal));
                 radiance += d.emitters.emitters[e].radiance * (q / (p + q));
             }
         }

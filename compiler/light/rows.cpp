@@ -1,7 +1,8 @@
 // Form-factor rows by rays, and the solution of all bounces over them.
 //
 // A patch shoots a stratified, cosine-weighted bundle; the hit list is its row. Row sums plus what escaped or met a
-// back face are 1 by construction, and no pair of patches is ever joined by a point rule, which fails where they touch.
+// back face are 1 by construction, and no pair of patches is ever joined by a point rule, which fails where they
+// touch.
 #include "compiler/light/bake.h"
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
@@ -42,8 +43,8 @@ void Bake::trace_rows() {
                     code = kHitBack, ++c.back;
                 } else {
                     const SceneHit& hit = *found[i];
-                    code = patch_at(surfaces_, index_, patches_.texel_patch, patches_.piece_patch, patches_.face_patch,
-                                    hit.face, hit.position);
+                    code = patch_at(surfaces_, index_, patches_.texel_patch, patches_.piece_patch,
+                                    patches_.face_patch, hit.face, hit.position);
                     const std::uint32_t emitter = emitters_.of_face[hit.face.at()];
                     if (code == kNoPatch) code = emitter != UINT32_MAX ? kHitEmitter | emitter : kHitBlack;
                 }
@@ -104,8 +105,10 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
                 continue;
             }
             std::uint32_t emitter = UINT32_MAX;
-            if (is_patch(hit)) emitter = patch_emitter_[hit];
-            else if (hit < kHitBlack) emitter = hit & ~kHitEmitter;
+            if (is_patch(hit))
+                emitter = patch_emitter_[hit];
+            else if (hit < kHitBlack)
+                emitter = hit & ~kHitEmitter;
             if (emitter == UINT32_MAX) continue;
             if (only_unlisted && listed(static_cast<std::uint32_t>(p), emitter)) continue;
             out[p] += emitters_.emitters[emitter].radiance;

@@ -1,5 +1,6 @@
 // The ray-traced world. Embree decides which triangle a ray meets; where it meets it is computed again here, in
-// double, from the plane of the face, so that nothing downstream depends on the last bits of a single-precision hit.
+// double, from the plane of the face, so that nothing downstream depends on the last bits of a single-precision
+// hit.
 #include "compiler/light/field.h"
 #include "libs/core/check.h"
 #include <embree3/rtcore.h>
@@ -7,18 +8,18 @@
 
 namespace kiln {
 
-// Origins stand this far in front of their surface. Large against the rounding of the local frame (2^-24 of its half
-// extent), small against any wall.
+// Origins stand this far in front of their surface. Large against the rounding of the local frame (2^-24 of its
+// half extent), small against any wall.
 constexpr double kPushOffShare = 0x1p-21; // of the world's largest extent
 constexpr double kPushOffLeast = 0x1p-8;  // map units
 
 struct TraceScene::Data {
     const World* world = nullptr;
     const Surfaces* surfaces = nullptr;
-    Vec3 center;                            // of the local frame, map units
+    Vec3 center; // of the local frame, map units
     double push = kPushOffLeast;
     std::string isa;
-    std::vector<float> vertices;            // local frame, padded as Embree asks
+    std::vector<float> vertices; // local frame, padded as Embree asks
     std::vector<std::uint32_t> indices;
     std::vector<std::uint32_t> triangle_of; // primitive -> triangle of surfaces
     RTCDevice device = nullptr;
@@ -33,7 +34,8 @@ struct TraceScene::Data {
     }
     template <class Ray> void set_ray(Ray& ray, Vec3 origin, Vec3 direction, double far) const {
         const Vec3 o = origin - center;
-        ray.org_x = static_cast<float>(o.x), ray.org_y = static_cast<float>(o.y), ray.org_z = static_cast<float>(o.z);
+        ray.org_x = static_cast<float>(o.x), ray.org_y = static_cast<float>(o.y),
+        ray.org_z = static_cast<float>(o.z);
         ray.dir_x = static_cast<float>(direction.x), ray.dir_y = static_cast<float>(direction.y);
         ray.dir_z = static_cast<float>(direction.z);
         ray.tnear = 0;
@@ -70,7 +72,8 @@ TraceScene::TraceScene(const World& world, const Surfaces& surfaces) : data_(std
     d.vertices.reserve(surfaces.positions.size() * 3 + 4);
     for (const Vec3& p : surfaces.positions) {
         const Vec3 q = p - d.center;
-        d.vertices.insert(d.vertices.end(), {static_cast<float>(q.x), static_cast<float>(q.y), static_cast<float>(q.z)});
+        d.vertices.insert(d.vertices.end(),
+                          {static_cast<float>(q.x), static_cast<float>(q.y), static_cast<float>(q.z)});
     }
     d.vertices.insert(d.vertices.end(), 4, 0.0f);
     for (std::size_t t = 0; t < surfaces.triangles.size(); ++t) {
@@ -105,8 +108,12 @@ TraceScene::TraceScene(const World& world, const Surfaces& surfaces) : data_(std
 
 TraceScene::~TraceScene() = default;
 
-double TraceScene::push_off() const { return data_->push; }
-const std::string& TraceScene::instruction_set() const { return data_->isa; }
+double TraceScene::push_off() const {
+    return data_->push;
+}
+const std::string& TraceScene::instruction_set() const {
+    return data_->isa;
+}
 
 std::optional<SceneHit> TraceScene::closest(Vec3 origin, Vec3 unit_direction, double far) const {
     const Data& d = *data_;
@@ -147,10 +154,11 @@ void TraceScene::closest(std::span<const Vec3> origins, std::span<const Vec3> un
         }
         rtcIntersect8(valid, d.scene, &context, &packet);
         for (std::size_t i = 0; i < count; ++i) {
-            if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) hits[first + i].reset();
+            if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID)
+                hits[first + i].reset();
             else
-                hits[first + i] =
-                    d.resolve(origins[first + i], unit_directions[first + i], packet.hit.primID[i], packet.ray.tfar[i]);
+                hits[first + i] = d.resolve(origins[first + i], unit_directions[first + i], packet.hit.primID[i],
+                                            packet.ray.tfar[i]);
         }
     }
 }

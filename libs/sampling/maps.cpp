@@ -29,15 +29,19 @@ double cos_small(double x) {
 } // namespace
 
 SinCos sincos_turns(double turns) {
-    const double t = turns - std::floor(turns);          // [0, 1)
-    const double quarter = std::floor(t * 4 + 0.5);      // nearest quarter turn
+    const double t = turns - std::floor(turns);     // [0, 1)
+    const double quarter = std::floor(t * 4 + 0.5); // nearest quarter turn
     const double x = (t - quarter * 0.25) * (2 * std::numbers::pi);
     const double s = sin_small(x), c = cos_small(x);
     switch (static_cast<int>(quarter) & 3) {
-    case 0: return {s, c};
-    case 1: return {c, -s};
-    case 2: return {-s, -c};
-    default: return {-c, s};
+    case 0:
+        return {s, c};
+    case 1:
+        return {c, -s};
+    case 2:
+        return {-s, -c};
+    default:
+        return {-c, s};
     }
 }
 

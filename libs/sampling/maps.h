@@ -5,7 +5,9 @@
 
 namespace kiln {
 
-struct SinCos { double sin = 0, cos = 1; };
+struct SinCos {
+    double sin = 0, cos = 1;
+};
 // Sine and cosine of 2 pi turns, of any finite turns: reduction to an eighth and Taylor polynomials, error < 1e-15.
 // Our own, so that results do not depend on the version of the system's library.
 SinCos sincos_turns(double turns);

@@ -27,15 +27,21 @@ constexpr std::uint32_t reverse_bits(std::uint32_t x) {
 
 // Direction numbers of one dimension, bit reversed (the form the scrambling wants).
 constexpr std::array<std::uint32_t, 32> sobol_directions(int dimension) {
-    struct Row { int s; std::uint32_t a; std::array<std::uint32_t, 5> m; };
-    constexpr std::array<Row, 6> rows{{{0, 0, {}}, {1, 0, {1}}, {2, 1, {1, 3}}, {3, 1, {1, 3, 1}}, {3, 2, {1, 1, 1}},
-                                       {4, 1, {1, 1, 3, 3}}}};
+    struct Row {
+        int s;
+        std::uint32_t a;
+        std::array<std::uint32_t, 5> m;
+    };
+    constexpr std::array<Row, 6> rows{
+        {{0, 0, {}}, {1, 0, {1}}, {2, 1, {1, 3}}, {3, 1, {1, 3, 1}}, {3, 2, {1, 1, 1}}, {4, 1, {1, 1, 3, 3}}}};
     const Row row = rows[static_cast<std::size_t>(dimension)];
     std::array<std::uint32_t, 32> v{};
     for (int k = 0; k < 32; ++k) {
         const auto i = static_cast<std::size_t>(k);
-        if (row.s == 0) v[i] = 1u << (31 - k);
-        else if (k < row.s) v[i] = row.m[i] << (31 - k);
+        if (row.s == 0)
+            v[i] = 1u << (31 - k);
+        else if (k < row.s)
+            v[i] = row.m[i] << (31 - k);
         else {
             const auto s = static_cast<std::size_t>(row.s);
             v[i] = v[i - s] ^ (v[i - s] >> s);
@@ -72,8 +78,8 @@ struct Scramble {
     constexpr Scramble() = default;
     constexpr explicit Scramble(std::uint64_t seed) {
         const std::uint64_t a = mix(seed + 0x9E3779B97F4A7C15ull), b = mix(a + 0x9E3779B97F4A7C15ull);
-        word = {static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(a >> 32) | 1u, static_cast<std::uint32_t>(b),
-                static_cast<std::uint32_t>(b >> 32) | 1u};
+        word = {static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(a >> 32) | 1u,
+                static_cast<std::uint32_t>(b), static_cast<std::uint32_t>(b >> 32) | 1u};
     }
     constexpr std::uint32_t operator()(std::uint32_t x) const {
         x += word[0];

@@ -12,7 +12,9 @@ struct FaceOptions {
     bool chart = true, drawn = true, blocks_light = true, sky = false;
 };
 
-struct Rect { double x0 = 0, y0 = 0, x1 = 0, y1 = 0; }; // along the two edges of a rectangle, map units
+struct Rect {
+    double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+}; // along the two edges of a rectangle, map units
 
 class SurfacesBuilder {
 public:
@@ -61,7 +63,8 @@ public:
     }
 
     // Rectangle corner + [0,1] u + [0,1] v, facing cross(u, v), less `holes` (measured along u and v).
-    FaceId rect(Vec3 corner, Vec3 u, Vec3 v, MaterialId material, FaceOptions options = {}, std::vector<Rect> holes = {}) {
+    FaceId rect(Vec3 corner, Vec3 u, Vec3 v, MaterialId material, FaceOptions options = {},
+                std::vector<Rect> holes = {}) {
         const double w = length(u), h = length(v);
         const Vec3 a = u / w, b = v / h;
         std::vector<double> xs{0, w}, ys{0, h};
@@ -79,7 +82,8 @@ public:
                 for (const Rect& r : holes) hole |= x > r.x0 && x < r.x1 && y > r.y0 && y < r.y1;
                 if (hole) continue;
                 const auto at = [&](double p, double q) { return corner + a * p + b * q; };
-                polygons.push_back({at(xs[i], ys[j]), at(xs[i + 1], ys[j]), at(xs[i + 1], ys[j + 1]), at(xs[i], ys[j + 1])});
+                polygons.push_back(
+                    {at(xs[i], ys[j]), at(xs[i + 1], ys[j]), at(xs[i + 1], ys[j + 1]), at(xs[i], ys[j + 1])});
             }
         return face(polygons, material, options);
     }
@@ -99,7 +103,8 @@ private:
     std::map<std::array<double, 3>, std::uint32_t> vertices_;
 
     std::uint32_t vertex(Vec3 p) {
-        const auto [at, fresh] = vertices_.emplace(std::array{p.x, p.y, p.z}, static_cast<std::uint32_t>(surfaces.positions.size()));
+        const auto [at, fresh] =
+            vertices_.emplace(std::array{p.x, p.y, p.z}, static_cast<std::uint32_t>(surfaces.positions.size()));
         if (fresh) surfaces.positions.push_back(p);
         return at->second;
     }
@@ -143,7 +148,8 @@ private:
         double s0 = 1e30, s1 = -1e30, t0 = 1e30, t1 = -1e30;
         for (const auto& polygon : polygons)
             for (const Vec3 p : polygon)
-                s0 = std::min(s0, dot(p, c.s)), s1 = std::max(s1, dot(p, c.s)), t0 = std::min(t0, dot(p, c.t)), t1 = std::max(t1, dot(p, c.t));
+                s0 = std::min(s0, dot(p, c.s)), s1 = std::max(s1, dot(p, c.s)), t0 = std::min(t0, dot(p, c.t)),
+                t1 = std::max(t1, dot(p, c.t));
         const double i0 = std::floor(s0 / luxel + 1e-9) - 1, j0 = std::floor(t0 / luxel + 1e-9) - 1;
         c.width = static_cast<std::uint32_t>(std::ceil(s1 / luxel - 1e-9) - i0) + 1;
         c.height = static_cast<std::uint32_t>(std::ceil(t1 / luxel - 1e-9) - j0) + 1;
@@ -163,7 +169,9 @@ private:
                 for (const auto& polygon : polygons) {
                     std::vector<Vec2> p;
                     for (const Vec3 v : polygon) {
-                        const auto snap = [](double a) { return std::abs(a - std::round(a)) < 1e-9 ? std::round(a) : a; };
+                        const auto snap = [](double a) {
+                            return std::abs(a - std::round(a)) < 1e-9 ? std::round(a) : a;
+                        };
                         p.push_back({snap(dot(v, c.s) / luxel - i0), snap(dot(v, c.t) / luxel - j0)});
                     }
                     p = clip(p, {1, 0}, x), p = clip(p, {-1, 0}, -(x + 1.0));
@@ -175,7 +183,8 @@ private:
                     }
                     if (a < 1e-9) continue;
                     area += a;
-                    surfaces.pieces.push_back({face_id, static_cast<std::uint32_t>(surfaces.piece_points.size()), static_cast<std::uint32_t>(p.size())});
+                    surfaces.pieces.push_back({face_id, static_cast<std::uint32_t>(surfaces.piece_points.size()),
+                                               static_cast<std::uint32_t>(p.size())});
                     surfaces.piece_points.insert(surfaces.piece_points.end(), p.begin(), p.end());
                     ++l.piece_count;
                 }

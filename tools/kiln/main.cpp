@@ -18,6 +18,16 @@ constexpr const char* kExamples = R"(examples:
   kiln explain leak                                  what a diagnostic code means
 )";
 
+// Help begins with what one would type.
+class ExamplesFirst : public CLI::Formatter {
+public:
+    std::string make_footer(const CLI::App*) const override { return ""; }
+    std::string make_description(const CLI::App* app) const override {
+        const std::string examples = app->get_footer();
+        return CLI::Formatter::make_description(app) + (examples.empty() ? "" : "\n" + examples + "\n\n");
+    }
+};
+
 std::size_t edit_distance(const std::string& a, const std::string& b) {
     std::vector<std::size_t> row(b.size() + 1);
     for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
@@ -62,6 +72,7 @@ std::string nearest(const CLI::App& app, const std::vector<std::string>& words) 
 int main(int argc, char** argv) {
     std::signal(SIGXFSZ, SIG_IGN); // a file that may not grow is a write error with a message, not a death
     CLI::App app("kiln: compiles and lights brush levels", "kiln");
+    app.formatter(std::make_shared<ExamplesFirst>()); // the commands inherit it
     app.set_version_flag("--version", "kiln 0.1.0");
     app.footer(kExamples);
     app.require_subcommand(1);

@@ -13,7 +13,10 @@ Vec3 at(double theta_deg, double phi_deg) {
     const double t = theta_deg * kPi / 180, p = phi_deg * kPi / 180;
     return {std::sin(t) * std::cos(p), std::sin(t) * std::sin(p), std::cos(t)};
 }
-struct Incoming { Vec3 direction; double weight; };
+struct Incoming {
+    Vec3 direction;
+    double weight;
+};
 // One lamp, two lamps, a half sky, a whole sky.
 std::vector<std::vector<Incoming>> lightings() {
     std::vector<std::vector<Incoming>> out;
@@ -45,13 +48,14 @@ TEST(Kernels, TangentialTable) {
         const ConeTable table(RnmEncoding::dot, cones[k]);
         for (std::size_t i = 0; i < 11; ++i) {
             const double theta = rows[0][i] * kPi / 180;
-            EXPECT_NEAR(table.tangential(std::cos(theta)) * std::sin(theta), rows[k + 1][i], 2e-3) << cones[k] << " " << rows[0][i];
+            EXPECT_NEAR(table.tangential(std::cos(theta)) * std::sin(theta), rows[k + 1][i], 2e-3)
+                << cones[k] << " " << rows[0][i];
         }
     }
 }
 
-// The flat normal under the dot formula is the classic lightmap, whatever the light; so is the mean of the sq values,
-// and they are not negative.
+// The flat normal under the dot formula is the classic lightmap, whatever the light; so is the mean of the sq
+// values, and they are not negative.
 TEST(Kernels, FlatNormalIsExact) {
     for (const double cone : {15.0, 30.0, 60.0})
         for (const RnmEncoding encoding : {RnmEncoding::dot, RnmEncoding::sq}) {
@@ -89,7 +93,8 @@ TEST(Kernels, DotIsExactForLightAllNormalsSee) {
     }
 }
 
-// Under a uniform sky E(b_i) = pi (1 + 1/sqrt 3) / 2, and the literal reading of the dot formula is 36.6 % too bright.
+// Under a uniform sky E(b_i) = pi (1 + 1/sqrt 3) / 2, and the literal reading of the dot formula is 36.6 % too
+// bright.
 TEST(Kernels, TiltedIsWhatItIs) {
     const ConeTable table(RnmEncoding::tilted, 30);
     const LuxelKernel kernel{Frame{}, RnmEncoding::tilted, &table};
@@ -113,7 +118,8 @@ TEST(Kernels, IntegralsOverTheHemisphere) {
             for (std::size_t j = 0; j < 4; ++j) sum[j] += k[j] * i.weight;
         }
         const auto exact = kernel.integrals();
-        for (std::size_t j = 0; j < 4; ++j) EXPECT_NEAR(sum[j], exact[j], 5e-3) << static_cast<int>(encoding) << " " << j;
+        for (std::size_t j = 0; j < 4; ++j)
+            EXPECT_NEAR(sum[j], exact[j], 5e-3) << static_cast<int>(encoding) << " " << j;
     }
 }
 
@@ -126,6 +132,7 @@ TEST(Kernels, DotDoesNotCareForTheFrame) {
         KernelSum sa, sb;
         for (const Vec3 d : {at(70, 5), at(40, 140)}) a.add(sa, d, {1, 1, 1}), b.add(sb, d, {1, 1, 1});
         const Vec3 n = at(25, 60);
-        EXPECT_NEAR(rnm_evaluate(RnmEncoding::dot, a.finish(sa), n).x, rnm_evaluate(RnmEncoding::dot, b.finish(sb), turned.local(n)).x, 1e-6);
+        EXPECT_NEAR(rnm_evaluate(RnmEncoding::dot, a.finish(sa), n).x,
+                    rnm_evaluate(RnmEncoding::dot, b.finish(sb), turned.local(n)).x, 1e-6);
     }
 }

@@ -10,7 +10,9 @@ using namespace kiln::test;
 
 namespace {
 using Polygon = std::vector<Vec3>;
-double factor(const Polygon& p, Vec3 x = {}, Vec3 n = {0, 0, 1}) { return lambert_form_factor(x, n, p); }
+double factor(const Polygon& p, Vec3 x = {}, Vec3 n = {0, 0, 1}) {
+    return lambert_form_factor(x, n, p);
+}
 } // namespace
 
 TEST(Lambert, RectangleOverItsCornerAndItsCentre) {
@@ -61,16 +63,20 @@ TEST(Emitters, SamplesAddUpToTheFormFactor) {
     ASSERT_EQ(set.emitters.size(), 1u);
     EXPECT_NEAR(set.emitters[0].area, 96 * 64 - 16 * 32, 1e-6);
     const Sobol points(4);
-    for (const Vec3 x : {Vec3{40, 30, -900}, Vec3{40, 30, 0}, Vec3{10, 20, 98}, Vec3{300, 20, 60}, Vec3{48, 32, 90}})
-        for (const Vec3 n : {Vec3{0, 0, 1}, normalize(Vec3{1, 0, 0.2}), normalize(Vec3{-1, 2, 0.1}), Vec3{0, 1, 0}, Vec3{0, 0, -1}}) {
+    for (const Vec3 x :
+         {Vec3{40, 30, -900}, Vec3{40, 30, 0}, Vec3{10, 20, 98}, Vec3{300, 20, 60}, Vec3{48, 32, 90}})
+        for (const Vec3 n : {Vec3{0, 0, 1}, normalize(Vec3{1, 0, 0.2}), normalize(Vec3{-1, 2, 0.1}), Vec3{0, 1, 0},
+                             Vec3{0, 0, -1}}) {
             double sum = 0, by_solid_angle = 0;
             for (std::uint32_t k = 0; k < 4; ++k)
-                set.sample(0, x, n, 16 * k, 16, points, 1e-5, [&](Vec3 y, Vec3 way, double solid, double irradiance) {
-                    EXPECT_NEAR(y.z, 100, 1e-9);
-                    sum += irradiance / 4, by_solid_angle += solid * dot(way, n) / 4;
-                });
+                set.sample(0, x, n, 16 * k, 16, points, 1e-5,
+                           [&](Vec3 y, Vec3 way, double solid, double irradiance) {
+                               EXPECT_NEAR(y.z, 100, 1e-9);
+                               sum += irradiance / 4, by_solid_angle += solid * dot(way, n) / 4;
+                           });
             const double expected = set.form_factor(0, x, n) * std::numbers::pi;
-            EXPECT_NEAR(sum, expected, 1e-9 + 1e-6 * expected) << x.x << " " << x.z << " n " << n.x << " " << n.y << " " << n.z;
+            EXPECT_NEAR(sum, expected, 1e-9 + 1e-6 * expected)
+                << x.x << " " << x.z << " n " << n.x << " " << n.y << " " << n.z;
             EXPECT_NEAR(by_solid_angle, expected, 1e-6 + 0.05 * expected);
             EXPECT_GE(set.bound(0, x, n) + 1e-12, set.form_factor(0, x, n));
         }

@@ -56,14 +56,16 @@ TEST(Bake, PointLightOnABlackFloor) {
     SurfacesBuilder scene;
     const MaterialId black = scene.material({});
     scene.rect({-128, -128, 0}, {256, 0, 0}, {0, 256, 0}, black, {.luxel = 4});
-    const auto b = bake(std::move(scene), {.directional = Directional::all}, {point_light({0, 0, 64}, {4096, 8192, 0})});
+    const auto b =
+        bake(std::move(scene), {.directional = Directional::all}, {point_light({0, 0, 64}, {4096, 8192, 0})});
     for (const Luxel& l : b->scene.surfaces.luxels) {
         const Vec3 d = Vec3{0, 0, 64} - center_of(b->scene.surfaces, l);
         const double e = 4096 * 64 / std::pow(length(d), 3);
         EXPECT_NEAR(b->lighting.flat[texel_of(b->scene.surfaces, l)].x, e, 5e-3 * e);
         EXPECT_NEAR(b->lighting.flat[texel_of(b->scene.surfaces, l)].y, 2 * e, 1e-2 * e);
         const auto& rnm = b->lighting.rnm[texel_of(b->scene.surfaces, l)];
-        EXPECT_NEAR((rnm[0].x + rnm[1].x + rnm[2].x) / std::sqrt(3.0), b->lighting.flat[texel_of(b->scene.surfaces, l)].x, 1e-5 * e);
+        EXPECT_NEAR((rnm[0].x + rnm[1].x + rnm[2].x) / std::sqrt(3.0),
+                    b->lighting.flat[texel_of(b->scene.surfaces, l)].x, 1e-5 * e);
     }
     // The table of the study: distance 1, offset 0, .5, 1, 2.
     const double offsets[][2] = {{0, 1}, {32, .71554175}, {64, .35355339}, {128, .08944272}};
@@ -90,12 +92,16 @@ TEST(Bake, Penumbra) {
     const MaterialId black = scene.material({}), lamp = scene.material({}, {10, 10, 10});
     scene.rect({-100, -100, 0}, {200, 0, 0}, {0, 200, 0}, black, {.luxel = 4});
     scene.rect({-32, -32, 128}, {0, 64, 0}, {64, 0, 0}, lamp);
-    scene.rect({0, -400, 64}, {400, 0, 0}, {0, 800, 0}, black, {.chart = false}); // x > 0 at half height, both sides
+    scene.rect({0, -400, 64}, {400, 0, 0}, {0, 800, 0}, black,
+               {.chart = false}); // x > 0 at half height, both sides
     scene.rect({0, -400, 64}, {0, 800, 0}, {400, 0, 0}, black, {.chart = false});
     const auto b = bake(std::move(scene), {.error_percent = 2});
     for (const double x : {-16.0, -8.0, 0.0, 8.0}) {
         // Seen from x the edge at half height cuts the lamp at -x (+ moves the lamp's own centre).
-        const std::vector<Vec3> seen{{-32, -32, 128}, {std::clamp(-x, -32.0, 32.0), -32, 128}, {std::clamp(-x, -32.0, 32.0), 32, 128}, {-32, 32, 128}};
+        const std::vector<Vec3> seen{{-32, -32, 128},
+                                     {std::clamp(-x, -32.0, 32.0), -32, 128},
+                                     {std::clamp(-x, -32.0, 32.0), 32, 128},
+                                     {-32, 32, 128}};
         double factor = 0;
         { // Lambert by brute force, to depend on nothing of ours
             const int n = 200;
@@ -109,10 +115,12 @@ TEST(Bake, Penumbra) {
         const double expected = 10 * kPi * factor;
         EXPECT_NEAR(irradiance(*b->field, {x, 0, 0}, {0, 0, 1}, 4096).x, expected, 0.04 * expected) << x;
         Rgbd reference;
-        reference_arriving(*b->field, {x, 0, 0}, {0, 0, 1}, 16384, 5, [&](Vec3 d, Rgbd w) { reference += w * d.z; });
+        reference_arriving(*b->field, {x, 0, 0}, {0, 0, 1}, 16384, 5,
+                           [&](Vec3 d, Rgbd w) { reference += w * d.z; });
         EXPECT_NEAR(reference.x, expected, 0.04 * expected) << x;
     }
-    for (const Luxel& l : b->scene.surfaces.luxels) // nothing beyond the shadow: the lamp's edge through the plane's
+    for (const Luxel& l :
+         b->scene.surfaces.luxels) // nothing beyond the shadow: the lamp's edge through the plane's
         if (center_of(b->scene.surfaces, l).z < 1 && center_of(b->scene.surfaces, l).x > 36) {
             EXPECT_LT(b->lighting.flat[texel_of(b->scene.surfaces, l)].x, 1e-6);
         }
@@ -161,8 +169,8 @@ TEST(Bake, EnergyBalance) {
     EXPECT_NEAR(absorbed / emitted, 1, 0.02); // rows are sampled
 }
 
-// The bake against the path tracer on the two rooms of the study, in the lit room and the dark one, by luxel; and its
-// own estimate must not promise much less than the error found.
+// The bake against the path tracer on the two rooms of the study, in the lit room and the dark one, by luxel; and
+// its own estimate must not promise much less than the error found.
 TEST(Bake, TwoRoomsAgainstThePathTracer) {
     const auto b = bake(two_rooms(), {.error_percent = 5});
     const Surfaces& s = b->scene.surfaces;
@@ -178,7 +186,8 @@ TEST(Bake, TwoRoomsAgainstThePathTracer) {
             const Vec2 u = points.pair(k, 0);
             const Chart& c = s.charts[l.chart.at()];
             const Vec3 p = c.origin + (c.s * (l.x + u.x) + c.t * (l.y + u.y)) * c.luxel_size;
-            reference_arriving(*b->field, p, n, 64, mix(i, k), [&](Vec3 d, Rgbd w) { truth += w.x * std::max(0.0, dot(d, n)) / 64; });
+            reference_arriving(*b->field, p, n, 64, mix(i, k),
+                               [&](Vec3 d, Rgbd w) { truth += w.x * std::max(0.0, dot(d, n)) / 64; });
         }
         pairs.emplace_back(b->lighting.flat[texel_of(s, l)].x, truth);
         mean_true += truth;
@@ -212,14 +221,17 @@ TEST(Bake, LinearInItsLights) {
     EXPECT_LT(worst, 0.2);
 }
 
-// A closed dark box inside a bright one, its walls thin and off every lattice: nothing gets in, whatever the offset.
+// A closed dark box inside a bright one, its walls thin and off every lattice: nothing gets in, whatever the
+// offset.
 TEST(Bake, ThinWallsDoNotLeak) {
     for (const double thickness : {4.0, 0.25}) {
         SurfacesBuilder scene;
-        const MaterialId grey = scene.material({0.8f, 0.8f, 0.8f}), lamp = scene.material({0.5f, 0.5f, 0.5f}, {5, 5, 5});
+        const MaterialId grey = scene.material({0.8f, 0.8f, 0.8f}),
+                         lamp = scene.material({0.5f, 0.5f, 0.5f}, {5, 5, 5});
         const Box3 inside{{41.3, 37.7, 21.1}, {83.9, 90.2, 61.7}};
         Box3 outside = inside;
-        outside.lo = outside.lo - Vec3{thickness, thickness, thickness}, outside.hi = outside.hi + Vec3{thickness, thickness, thickness};
+        outside.lo = outside.lo - Vec3{thickness, thickness, thickness},
+        outside.hi = outside.hi + Vec3{thickness, thickness, thickness};
         scene.room({{0, 0, 0}, {128, 128, 96}}, all(lamp));
         const std::uint32_t first = static_cast<std::uint32_t>(scene.surfaces.charts.size());
         scene.room(inside, all(grey));
@@ -228,8 +240,10 @@ TEST(Bake, ThinWallsDoNotLeak) {
         const auto b = bake(std::move(scene));
         for (const Luxel& l : b->scene.surfaces.luxels) {
             const Rgb e = b->lighting.flat[texel_of(b->scene.surfaces, l)];
-            if (l.chart.value >= first && l.chart.value < last) EXPECT_EQ(e.x, 0);
-            else EXPECT_GT(e.x, 1);
+            if (l.chart.value >= first && l.chart.value < last)
+                EXPECT_EQ(e.x, 0);
+            else
+                EXPECT_GT(e.x, 1);
         }
         EXPECT_EQ(b->lighting.back_face_rays, 0u);
         EXPECT_EQ(b->lighting.escaped_rays, 0u);

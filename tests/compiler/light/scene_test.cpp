@@ -60,7 +60,8 @@ TEST(TraceScene, SharedVerticesHoldWater) {
         const int aim = i % 3; // at a face, an edge, a corner
         for (std::size_t a = 0; a < 3; ++a) {
             o[a] = box.lo[a] + (0.1 + 0.8 * random()) * (box.hi[a] - box.lo[a]);
-            t[a] = static_cast<int>(a) <= aim ? (random() < 0.5 ? box.lo[a] : box.hi[a]) : box.lo[a] + random() * (box.hi[a] - box.lo[a]);
+            t[a] = static_cast<int>(a) <= aim ? (random() < 0.5 ? box.lo[a] : box.hi[a])
+                                              : box.lo[a] + random() * (box.hi[a] - box.lo[a]);
         }
         EXPECT_TRUE(scene.closest(o, normalize(t - o)).has_value()) << i;
     }
@@ -79,7 +80,8 @@ TEST(Patches, AreCutWhereAWallStands) {
             for (std::uint32_t k = table.first_piece[p]; k < table.first_piece[p + 1]; ++k) {
                 const LuxelPiece& piece = b.surfaces.pieces[table.pieces[k]];
                 const Chart& c = b.surfaces.charts[b.surfaces.faces[piece.face.at()].chart.at()];
-                for (const Vec2 v : points_of(b.surfaces, piece)) box[p].add(world_from_luxel(b.surfaces, c, piece.face, v));
+                for (const Vec2 v : points_of(b.surfaces, piece))
+                    box[p].add(world_from_luxel(b.surfaces, c, piece.face, v));
                 area += polygon_area(points_of(b.surfaces, piece)) * c.luxel_size * c.luxel_size;
             }
             EXPECT_NEAR(area, table.patches[p].area, 1e-6 * area);
@@ -108,8 +110,8 @@ TEST(Patches, AreFoundFromPoints) {
         f.add_piece(b.surfaces, c, piece);
         const Sobol points(i);
         for (std::uint32_t k = 0; k < 4; ++k)
-            EXPECT_EQ(patch_at(b.surfaces, index, table.texel_patch, table.piece_patch, table.face_patch, piece.face,
-                               f.sample(points.pair(k, 0))),
+            EXPECT_EQ(patch_at(b.surfaces, index, table.texel_patch, table.piece_patch, table.face_patch,
+                               piece.face, f.sample(points.pair(k, 0))),
                       table.piece_patch[i]);
     }
 }

@@ -5,7 +5,9 @@
 
 namespace kiln::test {
 
-inline std::array<MaterialId, 6> all(MaterialId m) { return {m, m, m, m, m, m}; }
+inline std::array<MaterialId, 6> all(MaterialId m) {
+    return {m, m, m, m, m, m};
+}
 
 // Everything emits and reflects: L = e / (1 - rho) everywhere, whatever the shape.
 inline SurfacesBuilder furnace(Rgb rho = {0.6f, 0.4f, 0.2f}, Rgb emission = {0.4f, 0.6f, 0.8f}, double luxel = 16) {
@@ -28,7 +30,7 @@ inline SurfacesBuilder two_rooms(double luxel = 10) {
     const FaceOptions o{.luxel = luxel};
     // Partition x in [180, 190], doorway y in [120, 180], z < 100.
     std::array<std::vector<Rect>, 6> holes;
-    holes[2] = {Rect{0, 180, 160, 190}};                     // y = 0: along z, x
+    holes[2] = {Rect{0, 180, 160, 190}}; // y = 0: along z, x
     holes[3] = holes[2];
     holes[4] = {Rect{180, 0, 190, 120}, Rect{180, 180, 190, 320}, Rect{60, 200, 120, 260}}; // along x, y
     holes[5] = {Rect{180, 0, 190, 320}, Rect{60, 60, 100, 100}};
@@ -36,16 +38,18 @@ inline SurfacesBuilder two_rooms(double luxel = 10) {
     for (const double side : {180.0, 190.0}) {
         const Vec3 corner{side, 0, 0};
         const std::vector<Rect> door{Rect{120, 0, 180, 100}}, door_t{Rect{0, 120, 100, 180}};
-        if (side > 185) b.rect(corner, {0, 320, 0}, {0, 0, 160}, wall, o, door);
-        else b.rect(corner, {0, 0, 160}, {0, 320, 0}, wall, o, door_t);
+        if (side > 185)
+            b.rect(corner, {0, 320, 0}, {0, 0, 160}, wall, o, door);
+        else
+            b.rect(corner, {0, 0, 160}, {0, 320, 0}, wall, o, door_t);
     }
-    b.rect({180, 120, 0}, {0, 0, 100}, {10, 0, 0}, wall, o);   // jambs
+    b.rect({180, 120, 0}, {0, 0, 100}, {10, 0, 0}, wall, o); // jambs
     b.rect({180, 180, 0}, {10, 0, 0}, {0, 0, 100}, wall, o);
-    b.rect({180, 120, 100}, {0, 60, 0}, {10, 0, 0}, wall, o);  // lintel
+    b.rect({180, 120, 100}, {0, 60, 0}, {10, 0, 0}, wall, o); // lintel
     auto sides = all(block);
     sides[4] = MaterialId{};
     b.block({{60, 200, 0}, {120, 260, 60}}, sides, o);
-    b.rect({60, 60, 160}, {0, 40, 0}, {40, 0, 0}, lamp, o);    // lamp, facing down
+    b.rect({60, 60, 160}, {0, 40, 0}, {40, 0, 0}, lamp, o); // lamp, facing down
     return b;
 }
 
@@ -58,16 +62,19 @@ struct Baked {
     Context context;
     std::unique_ptr<LightField> field;
 };
-inline std::unique_ptr<Baked> bake(SurfacesBuilder scene, LightOptions options = {}, std::vector<Light> lights = {}, int threads = 1) {
+inline std::unique_ptr<Baked> bake(SurfacesBuilder scene, LightOptions options = {}, std::vector<Light> lights = {},
+                                   int threads = 1) {
     auto b = std::make_unique<Baked>();
     b->scene = std::move(scene);
     b->lights = std::move(lights);
     b->context.threads = threads;
-    Result<Lighting> r = bake_light(b->scene.world, b->bsp, b->planes, b->scene.surfaces, b->lights, options, b->context);
+    Result<Lighting> r =
+        bake_light(b->scene.world, b->bsp, b->planes, b->scene.surfaces, b->lights, options, b->context);
     if (!r) return nullptr;
     b->lighting = std::move(*r);
     validate(b->lighting, b->scene.surfaces);
-    b->field = std::make_unique<LightField>(b->scene.world, b->bsp, b->planes, b->scene.surfaces, b->lights, b->lighting);
+    b->field =
+        std::make_unique<LightField>(b->scene.world, b->bsp, b->planes, b->scene.surfaces, b->lights, b->lighting);
     return b;
 }
 

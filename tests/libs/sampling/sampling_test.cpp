@@ -53,7 +53,8 @@ TEST(Sobol, OverSeedsEachPointIsUniform) {
     EXPECT_LT(std::abs(neighbours / n), 1 / 12.0);
 }
 
-// The integral of a smooth function converges faster than n^-1/2; at 1024 points it is 3x better than random at least.
+// The integral of a smooth function converges faster than n^-1/2; at 1024 points it is 3x better than random at
+// least.
 TEST(Sobol, BeatsRandomNumbersOnASmoothIntegrand) {
     const auto f = [](Vec2 p) { return std::exp(p.x) * p.y * p.y; };
     const double exact = (std::exp(1.0) - 1) / 3;
