@@ -9,6 +9,20 @@ constexpr double kPi = std::numbers::pi;
 constexpr HemisphereMap kFieldMap{0.6};
 constexpr double kNearLuxels = 1.5;
 constexpr std::uint32_t kTestRays = 16; // towards an emitter, before the bundle is trusted with it
+
+// visit(texel, weight) for the up to four texels between whose centres a point of the chart lies.
+template <class Visit> void for_each_bilinear(const Chart& chart, Vec3 point, const Visit& visit) {
+    const Vec3 p = point - chart.origin;
+    const double x = dot(p, chart.s) / chart.luxel_size - 0.5, y = dot(p, chart.t) / chart.luxel_size - 0.5;
+    const double x0 = std::floor(x), y0 = std::floor(y);
+    for (int j = 0; j < 2; ++j)
+        for (int i = 0; i < 2; ++i) {
+            const double u = x0 + i, v = y0 + j;
+            if (u < 0 || v < 0 || u >= chart.width || v >= chart.height) continue;
+            visit(chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u),
+                  (i ? x - x0 : 1 - x + x0) * (j ? y - y0 : 1 - y + y0));
+        }
+}
 } // namespace
 
 Rgbd LightField::Data::reflected(const SceneHit& hit) const {
@@ -19,21 +33,12 @@ Rgbd LightField::Data::reflected(const SceneHit& hit) const {
         const std::uint32_t texel = index.texel_at(chart, hit.position);
         if (lighting.patch_index[texel] < kMixedPatch && lighting.valid[texel] == 1) {
             // Bilinear between luxels that were baked and belong to one patch.
-            const Vec3 p = hit.position - chart.origin;
-            const double x = dot(p, chart.s) / chart.luxel_size - 0.5, y = dot(p, chart.t) / chart.luxel_size - 0.5;
-            const double x0 = std::floor(x), y0 = std::floor(y);
             Rgbd sum;
             double weight = 0;
-            for (int j = 0; j < 2; ++j)
-                for (int i = 0; i < 2; ++i) {
-                    const double u = x0 + i, v = y0 + j;
-                    if (u < 0 || v < 0 || u >= chart.width || v >= chart.height) continue;
-                    const std::size_t t =
-                        chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u);
-                    if (lighting.valid[t] != 1 || lighting.patch_index[t] >= kMixedPatch) continue;
-                    const double w = (i ? x - x0 : 1 - x + x0) * (j ? y - y0 : 1 - y + y0);
-                    sum += static_cast<Rgbd>(texel_reflected[t]) * w, weight += w;
-                }
+            for_each_bilinear(chart, hit.position, [&](std::size_t t, double w) {
+                if (lighting.valid[t] != 1 || lighting.patch_index[t] >= kMixedPatch) return;
+                sum += static_cast<Rgbd>(texel_reflected[t]) * w, weight += w;
+            });
             if (weight > 0) return sum / weight;
         }
         const std::uint32_t piece = index.piece_at(hit.face, chart, hit.position);
@@ -212,21 +217,12 @@ Rgb LightField::radiance(Vec3 origin, Vec3 unit_direction, SceneHit* out) const 
     if (!face.chart.valid()) return static_cast<Rgb>(emitted + d.reflected(*hit));
     // As an engine shows it: four texels, bilinear; texels of no face left out.
     const Chart& chart = d.surfaces.charts[face.chart.at()];
-    const Vec3 p = hit->position - chart.origin;
-    const double x = dot(p, chart.s) / chart.luxel_size - 0.5, y = dot(p, chart.t) / chart.luxel_size - 0.5;
-    const double x0 = std::floor(x), y0 = std::floor(y);
     Rgbd sum;
     double weight = 0;
-    for (int j = 0; j < 2; ++j)
-        for (int i = 0; i < 2; ++i) {
-            const double u = x0 + i, v = y0 + j;
-            if (u < 0 || v < 0 || u >= chart.width || v >= chart.height) continue;
-            const std::size_t texel =
-                chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u);
-            if (!d.lighting.valid[texel]) continue;
-            const double w = (i ? x - x0 : 1 - x + x0) * (j ? y - y0 : 1 - y + y0);
-            sum += static_cast<Rgbd>(d.lighting.flat[texel]) * w, weight += w;
-        }
+    for_each_bilinear(chart, hit->position, [&](std::size_t t, double w) {
+        if (!d.lighting.valid[t]) return;
+        sum += static_cast<Rgbd>(d.lighting.flat[t]) * w, weight += w;
+    });
     if (!(weight > 0)) return static_cast<Rgb>(emitted + d.reflected(*hit));
     const Rgbd rho = face.drawn ? static_cast<Rgbd>(d.world.materials[face.material.at()].reflectance) : Rgbd{};
     return static_cast<Rgb>(emitted + rho * sum * (1 / (weight * kPi)));
