@@ -16,20 +16,21 @@ constexpr const char* kVersion = "kiln 0.1.0"; // of the level file; results als
 Hash geometry_key(const World& world) {
     ByteWriter w;
     for (const WorldSide& s : world.sides)
-        w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement);
+        w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement, s.no_dynamic_shadow);
     for (const WorldBrush& b : world.brushes)
-        w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws, b.collides);
+        w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws, b.collides, b.blocks, b.displaced);
+    w(world.displacements, world.patches, world.overlays);
     w(world.materials, world.format, world.model_count);
     return hash_bytes(w.bytes);
 }
 // Where in the text brushes and sides stand: only diagnostics show it.
 Hash places_key(const World& world) {
     ByteWriter w;
-    w(world.file);
+    w(world.file, world.included);
     for (const WorldSide& s : world.sides) w(s.line, s.id);
     for (const WorldBrush& b : world.brushes) {
         const WorldEntity& e = world.entities[b.entity.at()];
-        w(b.line, b.id, e.line, e.id);
+        w(b.line, b.id, b.file, e.line, e.id);
     }
     return hash_bytes(w.bytes);
 }

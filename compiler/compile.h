@@ -6,6 +6,7 @@
 #pragma once
 #include "compiler/pack/pack.h"
 #include "libs/store/store.h"
+#include <functional>
 
 namespace kiln {
 
@@ -30,7 +31,7 @@ struct CompileOptions {
 };
 std::string options_json(const CompileOptions& options); // stable text, recorded in the level
 
-struct TextFile { // what the caller read; the compiler opens no files
+struct TextFile { // what the caller read; the compiler opens no files of itself
     std::string name;
     Bytes bytes;
 };
@@ -38,6 +39,9 @@ struct CompileInput {
     TextFile map;
     std::vector<TextFile> materials; // JSON, in order of precedence: later wins
     std::vector<TextFile> lights_rad;
+    // Another map that the map names (func_instance, misc_external_map): `wanted` as the map spells it, `from` the name
+    // of the file that says so. Its bytes under the name it was found by; nothing: it cannot be read. Absent: none can.
+    std::function<std::optional<TextFile>(const std::string& wanted, const std::string& from)> open;
 };
 
 struct StageReport {

@@ -4,6 +4,7 @@
 #include "compiler/bsp/build.h"
 #include "libs/core/check.h"
 #include <algorithm>
+#include <climits>
 
 namespace kiln::bsp {
 namespace {
@@ -25,7 +26,7 @@ struct Work {
 bool is_liquid(Contents c) { return c == Contents::water || c == Contents::slime || c == Contents::lava; }
 // Brushes that leaves know of. Triggers and hints are nothing; area portals only mark their leaf.
 bool is_carried(Contents c) {
-    return c == Contents::solid || c == Contents::detail || c == Contents::window || is_liquid(c) ||
+    return c == Contents::solid || c == Contents::detail || c == Contents::window || c == Contents::grate || is_liquid(c) ||
            c == Contents::clip || c == Contents::area_portal;
 }
 bool is_listed(Contents c) { return is_carried(c) && c != Contents::area_portal; }
@@ -33,7 +34,7 @@ bool is_listed(Contents c) { return is_carried(c) && c != Contents::area_portal;
 // What a boundary of such contents is to the tree; nothing: it does not divide it.
 std::optional<SplitterItem::Kind> kind_of(Contents behind) {
     if (behind == Contents::solid) return SplitterItem::structural;
-    if (behind == Contents::window || is_liquid(behind)) return SplitterItem::translucent;
+    if (behind == Contents::window || behind == Contents::grate || is_liquid(behind)) return SplitterItem::translucent;
     if (behind == Contents::area_portal) return SplitterItem::area_portal;
     if (behind == Contents::hint) return SplitterItem::hint;
     return std::nullopt;
@@ -113,7 +114,7 @@ private:
         // Where detail covers the surface of a liquid or window, there is no boundary polygon of it; its own
         // faces tell then. A face lies in the region's boundary exactly if its plane is one of the region's.
         for (const Piece& p : work.pieces) {
-            if (p.contents != Contents::window && !is_liquid(p.contents)) continue;
+            if (p.contents != Contents::window && p.contents != Contents::grate && !is_liquid(p.contents)) continue;
             for (const Poly& f : p.body.faces)
                 if (!std::ranges::any_of(work.region.faces, [&](const Poly& r) {
                         return same_plane(r.polygon.support, f.polygon.support);
@@ -125,12 +126,12 @@ private:
     TreeLeaf leaf(const Work& work) const {
         TreeLeaf leaf;
         leaf.bounds = work.region.box;
-        // The strongest fills it; the order of the enumeration is that of strength.
         for (const Piece& p : work.pieces) {
             if (is_listed(p.contents)) leaf.brushes.push_back(p.brush);
             if (p.contents == Contents::area_portal) leaf.area_portal = true;
             if (p.contents == Contents::detail || p.contents == Contents::clip) continue;
-            if (leaf.contents == Contents::empty || p.contents < leaf.contents) leaf.contents = p.contents;
+            const auto rank = [](Contents c) { return strength(c).value_or(c == Contents::empty ? INT_MAX : INT_MAX - 1); };
+            if (rank(p.contents) < rank(leaf.contents)) leaf.contents = p.contents; // the strongest fills it
         }
         std::ranges::sort(leaf.brushes);
         leaf.thickness = 1e30;

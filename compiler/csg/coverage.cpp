@@ -15,9 +15,10 @@ std::optional<int> strength(Contents contents) {
     case Contents::solid: return 0;
     case Contents::detail: return 1;
     case Contents::window: return 2;
-    case Contents::water: return 3;
-    case Contents::slime: return 4;
-    case Contents::lava: return 5;
+    case Contents::grate: return 3;
+    case Contents::lava: return 4;
+    case Contents::slime: return 5;
+    case Contents::water: return 6;
     default: return std::nullopt;
     }
 }
@@ -128,7 +129,7 @@ private:
             Fragment f = fragment(brush, face, std::move(polygon));
             f.front = front;
             f.covered = contents == Contents::solid && front == Contents::detail;
-            f.both_sides = own >= *strength(Contents::water) && front == Contents::empty;
+            f.both_sides = own >= *strength(Contents::lava) && front == Contents::empty;
             out.push_back(std::move(f));
         };
         std::vector<Piece> stack;

@@ -11,7 +11,7 @@ namespace {
 
 bool opaque(Contents c) { return c == Contents::solid || c == Contents::detail; }
 bool liquid(Contents c) { return c == Contents::water || c == Contents::slime || c == Contents::lava; }
-bool fills(Contents c) { return opaque(c) || liquid(c) || c == Contents::window; }
+bool fills(Contents c) { return opaque(c) || liquid(c) || c == Contents::window || c == Contents::grate; }
 
 struct Visibility { // of one brush side to the eye and to light
     bool keep = false, drawn = false, blocks = false, sky = false, two_sided = false, hull = false, lit = false;

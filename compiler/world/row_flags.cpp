@@ -34,7 +34,7 @@ enum SurfaceBit : std::int64_t {
 bool means_quake3(const Document& document) {
     if (document.format == MapFormat::vmf) return false;
     for (const DocEntity& e : document.entities) {
-        if (e.skipped_patches > 0) return true;
+        if (e.skipped_primitives > 0 || !e.patches.empty()) return true;
         for (const DocBrush& b : e.brushes)
             for (const DocSide& s : b.sides)
                 if (equal_ignoring_case(std::string_view(s.material).substr(0, 7), "common/") ||

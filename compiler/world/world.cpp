@@ -18,12 +18,12 @@ Vec3 WorldEntity::vector(std::string_view key, Vec3 otherwise) const {
 SourceLocation World::location(EntityId entity) const {
     if (entity.at() >= entities.size()) return {file};
     const WorldEntity& e = entities[entity.at()];
-    return {file, e.line, e.id};
+    return {name_of(e.file), e.line, e.id};
 }
 SourceLocation World::location(BrushId brush) const {
     if (brush.at() >= brushes.size()) return {file};
     const WorldBrush& b = brushes[brush.at()];
-    return {file, b.line, entities[b.entity.at()].id, b.id};
+    return {name_of(b.file), b.line, entities[b.entity.at()].id, b.id};
 }
 SourceLocation World::location(SideId side) const {
     if (side.at() >= sides.size()) return {file};

@@ -33,7 +33,15 @@ enum class Contents : std::uint8_t {
     hint,
     clip,
     trigger, // never make faces. clip with casts_light_shadow: a light blocker
+    grate,   // alpha-tested: drawn from both kinds of sides, solid to players, not to bullets; never seals, hides nothing
+    occluder,    // func_occluder: polygons for the run time, no faces, no contents
+    vis_cluster, // func_viscluster: leaves in it share a cluster; no faces, no contents
 };
+constexpr std::size_t kContentsCount = 14;
+// Numbers are those of the level file and do not tell strength; strength() of csg.h does.
+
+// What a brush stops, beside light: bits of WorldBrush::blocks.
+enum BlocksBit : std::uint8_t { kBlocksPlayers = 1, kBlocksNpcs = 2, kBlocksBullets = 4, kBlocksSight = 8, kBlocksAll = 15 };
 
 struct WorldSide {
     std::array<std::array<Decimal, 3>, 3> points{};
@@ -41,10 +49,12 @@ struct WorldSide {
     DocTexture texture;
     double lightmap_scale = 16; // world units per luxel, after all keys
     std::uint32_t smoothing_groups = 0;
-    bool displacement = false;
-    int line = 0, id = -1; // of the map file
+    std::int32_t displacement = -1;  // index into World::displacements; -1: none
+    bool no_dynamic_shadow = false;  // info_no_dynamic_shadow names it
+    int line = 0, id = -1;           // of the map file
+    std::vector<Vec3> editor_vertices; // as the editor saw the face, rounded; empty: not given
     template <class A> void fields(A& a) {
-        a(points, material, texture, lightmap_scale, smoothing_groups, displacement, line, id);
+        a(points, material, texture, lightmap_scale, smoothing_groups, displacement, no_dynamic_shadow, line, id, editor_vertices);
     }
 };
 
@@ -56,9 +66,45 @@ struct WorldBrush {
     bool casts_light_shadow = true; // brush entities: only by key (vrad_brush_cast_shadows, _shadow)
     bool draws = true;              // false: no face of it is drawn (tool brushes)
     bool collides = true;           // false: players pass (illusionary, liquids, triggers)
+    std::uint8_t blocks = kBlocksAll; // BlocksBit; 0 where it does not collide
+    bool displaced = false;         // some side carries a displacement: the brush itself fills and draws nothing
+    std::uint16_t file = 0;         // index for World::name_of
     int line = 0, id = -1;
     template <class A> void fields(A& a) {
-        a(first_side, side_count, contents, model, entity, casts_light_shadow, draws, collides, line, id);
+        a(first_side, side_count, contents, model, entity, casts_light_shadow, draws, collides, blocks, displaced, file, line, id);
+    }
+};
+
+struct WorldDisplacement {
+    SideId side; // its base face: a quad of a brush of the world
+    DocDisplacement grid;
+    template <class A> void fields(A& a) { a(side, grid); }
+};
+
+struct WorldPatch { // a curved surface; blocks light and is drawn like a detail brush's side, never seals
+    EntityId entity;
+    ModelId model;
+    MaterialId material;
+    double lightmap_scale = 16;
+    std::uint16_t file = 0;
+    DocPatch grid;
+    template <class A> void fields(A& a) { a(entity, model, material, lightmap_scale, file, grid); }
+};
+
+// A picture laid over faces: info_overlay (a quad of its own on named sides) and infodecal (a square at a point).
+struct WorldOverlay {
+    enum Kind : std::uint8_t { overlay, decal };
+    Kind kind = overlay;
+    EntityId entity;
+    MaterialId material;
+    Vec3 origin{}, u{1, 0, 0}, v{0, 1, 0}, normal{0, 0, 1}; // BasisOrigin, BasisU, BasisV, BasisNormal; unit, map space
+    std::array<Vec2, 4> corners{};                          // uv0..uv3: map units along u and v
+    std::array<double, 4> uv_range{0, 1, 0, 1};             // StartU, EndU, StartV, EndV
+    int render_order = 0;
+    double fade_min = -1, fade_max = -1;                    // map units; < 0: none
+    std::vector<SideId> sides;                              // ascending; a decal's are found by the surfaces stage
+    template <class A> void fields(A& a) {
+        a(kind, entity, material, origin, u, v, normal, corners, uv_range, render_order, fade_min, fade_max, sides);
     }
 };
 
@@ -67,8 +113,9 @@ struct WorldEntity {
     ModelId model; // of a brush entity; none: point entity or merged into the world
     Vec3 origin{};
     bool has_origin = false;
+    std::uint16_t file = 0; // index for World::name_of
     int line = 0, id = -1;
-    template <class A> void fields(A& a) { a(keys, model, origin, has_origin, line, id); }
+    template <class A> void fields(A& a) { a(keys, model, origin, has_origin, file, line, id); }
     std::string_view get(std::string_view key, std::string_view otherwise = {}) const;
     double number(std::string_view key, double otherwise) const;
     Vec3 vector(std::string_view key, Vec3 otherwise) const;
@@ -76,14 +123,21 @@ struct WorldEntity {
 
 struct World {
     std::string file;
+    std::vector<std::string> included; // other files: instances, prefabs
     MapFormat format = MapFormat::vmf;
     std::vector<Material> materials; // a name may stand twice: rows of Quake 2 add flags of their own
     std::vector<WorldSide> sides;
     std::vector<WorldBrush> brushes;   // in file order
     std::vector<WorldEntity> entities; // 0: worldspawn
+    std::vector<WorldDisplacement> displacements; // in file order
+    std::vector<WorldPatch> patches;              // in file order
+    std::vector<WorldOverlay> overlays;           // in entity order
     std::uint32_t model_count = 1;
-    template <class A> void fields(A& a) { a(file, format, materials, sides, brushes, entities, model_count); }
+    template <class A> void fields(A& a) {
+        a(file, included, format, materials, sides, brushes, entities, displacements, patches, overlays, model_count);
+    }
 
+    const std::string& name_of(std::uint16_t index) const { return index == 0 ? file : included[index - 1u]; }
     SourceLocation location(BrushId brush) const;
     SourceLocation location(SideId side) const; // O(log brushes)
     SourceLocation location(EntityId entity) const;

@@ -64,6 +64,7 @@ public:
         : document_(document), database_(materials), options_(options), context_(context),
           quake3_(means_quake3(document)) {
         world_.file = document.file;
+        world_.included = document.included;
         world_.format = document.format;
     }
 
@@ -75,7 +76,7 @@ public:
         for (std::size_t e = 0; e < document_.entities.size(); ++e) {
             context_.check_cancelled();
             const DocEntity& entity = document_.entities[e];
-            if (omitted[e]) omitted_.add({document_.file, entity.line, entity.id});
+            if (omitted[e]) omitted_.add({document_.name_of(entity.file), entity.line, entity.id});
             if (omitted[e]) omitted_brushes_ += entity.brushes.size();
             if (!omitted[e] || e == 0) add_entity(entity, omitted[e] == 0);
         }
@@ -105,7 +106,7 @@ private:
     std::size_t omitted_brushes_ = 0;
 
     SourceLocation where(const DocEntity& e, const DocBrush& b) const {
-        return {document_.file, b.line, e.id, b.id};
+        return {document_.name_of(b.file), b.line, e.id, b.id};
     }
 
     // The luxel size an entity asks for, or `otherwise`.
@@ -116,10 +117,10 @@ private:
             const double unit = quake3_ && name == "lightmapscale" ? 16 : 1;
             if (!key) continue;
             const std::optional<double> value = parse_number(key->value);
-            if (value && *value > 0) return bounded(*value * unit, {document_.file, key->line, e.id});
+            if (value && *value > 0) return bounded(*value * unit, {document_.name_of(e.file), key->line, e.id});
             context_.report(Severity::warning, "lightmap-scale-invalid",
                             fmt::format("the key {} is no positive number; 16 is used", key->key),
-                            {document_.file, key->line, e.id});
+                            {document_.name_of(e.file), key->line, e.id});
             return 16;
         }
         return otherwise;
@@ -144,17 +145,19 @@ private:
         const std::size_t index = world_.entities.size();
         WorldEntity out;
         out.keys = e.keys;
+        out.file = e.file;
         out.line = e.line;
         out.id = e.id;
         read_origin(e, out);
         const DocKey* classname = e.find("classname");
         if (!classname)
             context_.report(Severity::warning, "entity-without-class", "an entity has no classname",
-                            {document_.file, e.line, e.id});
+                            {document_.name_of(e.file), e.line, e.id});
         else
-            classes_[lower_case(classname->value)].add({document_.file, e.line, e.id});
-        patches_.count += e.skipped_patches;
-        if (e.skipped_patches > 0 && patches_.first.file.empty()) patches_.first = {document_.file, e.line, e.id};
+            classes_[lower_case(classname->value)].add({document_.name_of(e.file), e.line, e.id});
+        const auto patches = e.skipped_primitives + static_cast<std::uint32_t>(e.patches.size());
+        patches_.count += patches;
+        if (patches > 0 && patches_.first.file.empty()) patches_.first = {document_.name_of(e.file), e.line, e.id};
 
         const BrushUse use = brush_use(e, index == 0, document_.format);
         const bool own_model = use == BrushUse::model || use == BrushUse::hidden_model;
@@ -183,7 +186,7 @@ private:
             context_.report(Severity::warning, "origin-invalid",
                             fmt::format("the origin is not three numbers within {} units; the entity has none",
                                         kLargestCoordinate),
-                            {document_.file, key->line, e.id});
+                            {document_.name_of(e.file), key->line, e.id});
             return;
         }
         out.origin = {n[0], n[1], n[2]};
@@ -196,10 +199,10 @@ private:
         std::vector<std::uint32_t> flags;
         bool displaced = false;
         for (const DocSide& s : b.sides) {
-            ids.push_back(intern(s, {document_.file, s.line, e.id, b.id, s.id}));
+            ids.push_back(intern(s, {document_.name_of(b.file), s.line, e.id, b.id, s.id}));
             flags.push_back(world_.materials[ids.back().at()].flags);
-            displaced = displaced || s.displacement;
-            if (s.displacement) displacements_.add({document_.file, s.line, e.id, b.id, s.id});
+            displaced = displaced || s.displacement >= 0;
+            if (s.displacement >= 0) displacements_.add({document_.name_of(b.file), s.line, e.id, b.id, s.id});
         }
         BrushKind kind = kind_of_brush(flags);
         if (kind.mixed) mixed_.add(where(e, b));
@@ -223,15 +226,24 @@ private:
         brush.casts_light_shadow = kind.blocks_light && casts_shadow(e, use);
         brush.draws = kind.draws;
         brush.collides = kind.collides;
+        brush.blocks = kind.collides ? kBlocksAll : 0;
+        brush.file = b.file;
         brush.line = b.line;
         brush.id = b.id;
         for (std::size_t i = 0; i < b.sides.size(); ++i) {
             const DocSide& s = b.sides[i];
             const double asked = s.lightmap_scale > 0
-                                     ? bounded(s.lightmap_scale, {document_.file, s.line, e.id, b.id, s.id})
+                                     ? bounded(s.lightmap_scale, {document_.name_of(b.file), s.line, e.id, b.id, s.id})
                                      : scale;
-            world_.sides.push_back(
-                {s.points, ids[i], s.texture, asked, s.smoothing_groups, s.displacement, s.line, s.id});
+            WorldSide side;
+            side.points = s.points, side.material = ids[i], side.texture = s.texture, side.lightmap_scale = asked;
+            side.smoothing_groups = s.smoothing_groups, side.line = s.line, side.id = s.id;
+            side.editor_vertices = s.vertices;
+            if (s.displacement >= 0) {
+                side.displacement = static_cast<std::int32_t>(world_.displacements.size());
+                world_.displacements.push_back({id<SideId>(world_.sides.size()), document_.displacements[static_cast<std::size_t>(s.displacement)]});
+            }
+            world_.sides.push_back(std::move(side));
         }
         world_.brushes.push_back(brush);
     }

@@ -111,7 +111,7 @@ struct Reader {
                                known ? "primitive-not-handled" : "primitive-unknown",
                                fmt::format("the primitive '{}' is not read yet; it is left out, as are all others like it", shown(word)),
                                where);
-            ++entity.skipped_patches;
+            ++entity.skipped_primitives;
             primitive = true;
             // Its block is the next '{', met above; what else follows on the line belongs to it.
         }

@@ -142,7 +142,8 @@ struct Reader {
             return Block::side;
         case Block::side:
             if (!is("dispinfo")) return Block::skipped;
-            side.displacement = true;
+            side.displacement = static_cast<std::int32_t>(document.displacements.size());
+            document.displacements.push_back({.line = line});
             return Block::displacement;
         default:
             return Block::skipped;
@@ -157,11 +158,11 @@ struct Reader {
             if (equal_ignoring_case(name, "id") && e.id < 0)
                 e.id = id_of(value, -1);
             else
-                e.keys.push_back({std::string(name), std::string(value), line});
+                e.keys.push_back({std::string(name), std::string(value), line, false});
             break;
         }
         case Block::connections:
-            current().keys.push_back({std::string(name), std::string(value), line});
+            current().keys.push_back({std::string(name), std::string(value), line, true});
             break;
         case Block::solid:
             if (equal_ignoring_case(name, "id")) brush.id = id_of(value, -1);

@@ -25,7 +25,8 @@ template <class T> Json list(const std::vector<T>& values) {
     return j;
 }
 
-constexpr const char* kContents[] = {"empty", "solid", "detail", "window", "water", "slime", "lava", "area_portal", "hint", "clip", "trigger"};
+constexpr const char* kContents[] = {"empty", "solid", "detail", "window", "water", "slime", "lava", "area_portal", "hint", "clip", "trigger", "grate", "occluder", "vis_cluster"};
+static_assert(std::size(kContents) == kContentsCount);
 const char* name(Contents c) { return kContents[static_cast<std::size_t>(c) % std::size(kContents)]; }
 
 Rows dump_document(const Compiled& c) {

@@ -219,7 +219,7 @@ TEST(World, DisplacementsStandInAsDetail) {
     ASSERT_TRUE(w);
     EXPECT_EQ(w->brushes[0].contents, Contents::detail);
     EXPECT_EQ(w->sides[0].lightmap_scale, 32);
-    EXPECT_TRUE(w->sides[0].displacement);
+    EXPECT_EQ(w->sides[0].displacement, 0);
     EXPECT_EQ(count(c, "not-handled-displacement"), 1u);
     EXPECT_TRUE(first(c, "not-handled-displacement")->message.starts_with("2 displacements"));
     EXPECT_EQ(count(c, "origin-invalid"), 1u);

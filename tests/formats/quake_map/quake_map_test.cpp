@@ -153,7 +153,7 @@ TEST(QuakeMap, PrimitivesAreSkippedWithANoteEach) {
               brush(kPoints + "a 0 0 0 1 1\n")),
         c);
     ASSERT_TRUE(d);
-    EXPECT_EQ(d->entities[0].skipped_patches, 2u);
+    EXPECT_EQ(d->entities[0].skipped_primitives, 2u);
     ASSERT_EQ(d->entities[0].brushes.size(), 1u);
     EXPECT_EQ(d->entities[0].brushes[0].id, 2); // ordinals count what was skipped
     EXPECT_EQ(count(c, "primitive-not-handled"), 2u);
