@@ -204,8 +204,10 @@ TEST(World, WhatIsNotHandledIsToldOnceAKind) {
 }
 
 TEST(World, DisplacementsStandInAsDetail) {
+    const std::string row = "\"0 0 1 0 0 1 0 0 1 0 0 1 0 0 1\" ";
     const std::string side = "side { \"id\" \"1\" \"plane\" \"(0 0 0) (0 64 0) (64 0 0)\" \"material\" \"wall\" "
-                             "\"lightmapscale\" \"32\" dispinfo { } }\n";
+                             "\"lightmapscale\" \"32\" dispinfo { \"power\" \"2\" \"startposition\" \"[0 0 0]\" normals { \"row0\" " + row + "\"row1\" " + row +
+                             "\"row2\" " + row + "\"row3\" " + row + "\"row4\" " + row + "} } }\n";
     const std::string map = "world { \"id\" \"1\" \"classname\" \"worldspawn\" solid { \"id\" \"2\" " + side +
                             side +
                             " } }\n"
