@@ -26,7 +26,7 @@ Visibility side_visibility(const World& world, const WorldSide& side, const Worl
     const bool tool = f & (kNoDraw | kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible);
     v.drawn = brush.draws && !tool && !v.sky;
     // Light is not filtered yet: what can be seen through lets all of it pass.
-    const bool clear = (f & (kInvisible | kTranslucent)) || material.alpha < 1;
+    const bool clear = (f & (kInvisible | kTranslucent | kAlphaTested)) || material.alpha < 1;
     v.blocks = (f & kLightBlocker) || (v.hull && !clear && brush.casts_light_shadow);
     v.two_sided = v.drawn && (liquid(behind) || (f & kTwoSided));
     v.lit = v.drawn && !(f & kNoLight);
