@@ -44,7 +44,7 @@ struct Fragment {
     Contents behind = Contents::solid; // contents of `brush`
     Contents front = Contents::empty;  // what lies right in front: empty, or the strongest weaker brush there
     bool covered = false;              // a structural face with detail right in front: not to be drawn or lit
-    bool both_sides = false;           // surface of a liquid against air: also seen from behind
+    bool both_sides = false;           // surface of a liquid against air or a weaker liquid: also seen from behind
     template <class A> void fields(A& a) { a(polygon, side, brush, model, behind, front, covered, both_sides); }
 };
 
