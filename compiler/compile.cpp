@@ -16,9 +16,11 @@ constexpr const char* kVersion = "kiln 0.1.0"; // of the level file; results als
 Hash geometry_key(const World& world) {
     ByteWriter w;
     for (const WorldSide& s : world.sides)
-        w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement, s.no_dynamic_shadow);
+        w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement, s.no_dynamic_shadow, s.editor_vertices);
     for (const WorldBrush& b : world.brushes)
         w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws, b.collides, b.blocks, b.displaced);
+    for (const WorldBrush& b : world.brushes)
+        if (b.contents == Contents::occluder || b.contents == Contents::vis_cluster) w(b.entity); // those of one entity act together
     w(world.displacements, world.patches, world.overlays);
     w(world.materials, world.format, world.model_count);
     return hash_bytes(w.bytes);
@@ -119,7 +121,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     const Hash geometry = geometry_key(world), places = places_key(world);
     if (done(Stage::world)) return true;
 
-    const auto csg = stages.run(Stage::csg, 1, all(geometry, options.csg), places, out.csg,
+    const auto csg = stages.run(Stage::csg, 2, all(geometry, options.csg), places, out.csg,
                                 [&] { return build_csg(world, options.csg, context); });
     if (!csg) return csg.fault();
     if (done(Stage::csg)) return true;
@@ -148,7 +150,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!visibility) return visibility.fault();
     if (done(Stage::visibility)) return true;
 
-    const auto surfaces = stages.run(Stage::surfaces, 1, all(*bsp, *csg, geometry, smoothing_key(world), options.surfaces), places, out.surfaces,
+    const auto surfaces = stages.run(Stage::surfaces, 2, all(*bsp, *csg, geometry, smoothing_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;
