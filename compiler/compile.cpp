@@ -142,18 +142,18 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
         bsp_options.fill = false;
         if (bsp = make_bsp(); !bsp) return bsp.fault();
     }
-    if (done(Stage::bsp)) return true;
-
     out.portals = vis_portals(out.bsp);
-    const auto visibility = stages.run(Stage::visibility, 1, all(out.portals, out.bsp.cluster_count, options.visibility), places, out.visibility,
-                                       [&] { return compute_visibility(out.portals, out.bsp.cluster_count, options.visibility, context); });
-    if (!visibility) return visibility.fault();
-    if (done(Stage::visibility)) return true;
+    if (done(Stage::bsp)) return true;
 
     const auto surfaces = stages.run(Stage::surfaces, 2, all(*bsp, *csg, geometry, smoothing_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;
+
+    const auto visibility = stages.run(Stage::visibility, 1, all(out.portals, out.bsp.cluster_count, options.visibility), places, out.visibility,
+                                       [&] { return compute_visibility(out.portals, out.bsp.cluster_count, options.visibility, context); });
+    if (!visibility) return visibility.fault();
+    if (done(Stage::visibility)) return true;
 
     out.lights = read_lights(world, context);
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
