@@ -93,7 +93,7 @@ Fault leak_fault(const World& world, const Leak& leak) {
 
 } // namespace
 
-// VMF text begins with a word (versioninfo, world, ...); Quake-family text with a brace or a comment.
+// VMF text begins with a word (versioninfo, world, ...); Quake-family text with a brace, a comment or "Version 2".
 bool is_vmf(const TextFile& map) {
     const auto& b = map.bytes;
     std::size_t i = b.size() >= 3 && b[0] == 0xEF && b[1] == 0xBB && b[2] == 0xBF ? 3 : 0;
@@ -103,7 +103,9 @@ bool is_vmf(const TextFile& map) {
             while (i < b.size() && b[i] != '\n') ++i;
             continue;
         }
-        return std::isalpha(b[i]) != 0 || b[i] == '"';
+        const std::string_view text(reinterpret_cast<const char*>(b.data()), b.size());
+        const bool doom3 = equal_ignoring_case(text.substr(i, 7), "version") && i + 7 < b.size() && std::isspace(b[i + 7]); // "Version 2"
+        return (std::isalpha(b[i]) != 0 && !doom3) || b[i] == '"';
     }
     return map.name.ends_with(".vmf");
 }

@@ -282,6 +282,12 @@ private:
             WorldSide side;
             side.points = s.points, side.material = ids[i], side.texture = s.texture, side.lightmap_scale = asked;
             side.smoothing_groups = s.smoothing_groups, side.line = s.line, side.id = s.id;
+            if (s.texture.in_repeats) { // brushDef: texels once the size of the texture is known
+                const Material& m = world_.materials[ids[i].at()];
+                side.texture.u_scale /= m.width, side.texture.u_shift *= m.width;
+                side.texture.v_scale /= m.height, side.texture.v_shift *= m.height;
+                side.texture.in_repeats = false;
+            }
             side.editor_vertices = s.vertices;
             if (s.displacement >= 0) {
                 side.displacement = static_cast<std::int32_t>(world_.displacements.size());

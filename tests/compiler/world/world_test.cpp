@@ -227,6 +227,25 @@ TEST(World, DisplacementsStandInAsDetail) {
     EXPECT_FALSE(w->entities[1].has_origin);
 }
 
+// brushDef counts repeats of the texture: texels come of the material's size, and mean the same place on it.
+TEST(World, RepeatsOfATextureBecomeTexels) {
+    std::string rows;
+    for (const char* plane : {"0 0 1", "0 0 -1", "0 1 0", "0 -1 0", "1 0 0", "-1 0 0"})
+        rows += "( " + std::string(plane) + " -64 ) ( ( 0.25 0 0.5 ) ( 0 0.125 3 ) ) \"wide\" 0 0 0\n";
+    const std::string map = entity("worldspawn", "{\nbrushDef3\n{\n" + rows + "}\n}\n");
+    Context c;
+    MaterialDatabase db;
+    ASSERT_TRUE(db.add_json(R"({"materials": {"wide": {"size": [128, 32]}}})", "m.json", c));
+    const Result<World> w = build(map, c, &db);
+    ASSERT_TRUE(w) << to_text(w.fault().diagnostic);
+    ASSERT_EQ(w->materials[0].width, 128);
+    const DocTexture& t = w->sides[0].texture; // looks up: u along y, v along x
+    EXPECT_FALSE(t.in_repeats);
+    const Vec3 p{8, 4, 64};
+    EXPECT_DOUBLE_EQ(dot(p, t.u_axis) / t.u_scale + t.u_shift, (0.25 * 4 + 0.5) * 128);
+    EXPECT_DOUBLE_EQ(dot(p, t.v_axis) / t.v_scale + t.v_shift, (0.125 * 8 + 3) * 32);
+}
+
 TEST(World, PlacesLeadBackToTheMap) {
     Context c;
     const Result<World> w =
