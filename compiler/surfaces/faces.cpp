@@ -66,7 +66,7 @@ struct Group {
     BrushId brush;
     Contents wet = Contents::empty; // the liquid in front, if one: what is under water is a face of its own
     bool gap = false; // closes an opening too narrow to count
-    std::vector<Loop> polygons;
+    Polygons polygons;
     std::vector<ClusterId> clusters; // parallel to polygons
 };
 
@@ -89,11 +89,9 @@ std::vector<Group> collect(const World& world, const Csg& csg, const Bsp& bsp, V
     const auto add = [&](ModelId model, SideId side, BrushId brush, Contents behind, const PlanePolygon& polygon, ClusterId cluster,
                          Contents front = Contents::empty, bool gap = false) {
         const Contents wet = liquid(front) ? front : Contents::empty;
-        Loop loop = vertices.add(polygon);
-        if (loop.size() < 3) return; // a polygon without area has nothing to show
         const auto [it, fresh] = index.try_emplace({model, side, polygon.support, opaque(behind), wet, gap}, groups.size());
         if (fresh) groups.push_back({side, model, polygon.support, behind, brush, wet, gap, {}, {}});
-        groups[it->second].polygons.push_back(std::move(loop));
+        vertices.add(polygon, groups[it->second].polygons);
         groups[it->second].clusters.push_back(cluster);
     };
     for (const VisibleFragment& v : bsp.visible) {
@@ -181,17 +179,17 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
             FaceDraft d = draft;
             d.loops = region.loops;
             Vec3 area;
-            for (const Loop& loop : region.loops) area += area_vector(vertices, loop);
+            for (const Outline& loop : region.loops) area += area_vector(vertices, loop.vertices);
             d.face.area = std::max(0.0, dot(area, d.face.normal));
-            for (const VertexId v : region.loops[0]) d.face.bounds.add(vertices.position(v));
+            for (const VertexId v : region.loops[0].vertices) d.face.bounds.add(vertices.position(v));
             for (const std::uint32_t m : region.members)
                 if (group.clusters[m].valid()) d.face.clusters.push_back(group.clusters[m]);
             std::ranges::sort(d.face.clusters);
             d.face.clusters.erase(std::unique(d.face.clusters.begin(), d.face.clusters.end()), d.face.clusters.end());
-            if (region.loops.size() == 1 && convex(vertices, region.loops[0], d.face.normal))
-                d.convex = {region.loops[0]};
+            if (region.loops.size() == 1 && convex(vertices, region.loops[0].vertices, d.face.normal))
+                d.convex = {region.loops[0].vertices};
             else
-                for (const std::uint32_t m : region.members) d.convex.push_back(group.polygons[m]);
+                for (const std::uint32_t m : region.members) d.convex.emplace_back(group.polygons[m].begin(), group.polygons[m].end());
             drafts.push_back(std::move(d));
         }
     }
