@@ -131,6 +131,7 @@ KILN_TABLE(ProbeTable, probes, "PROB")
 KILN_TABLE(Entities, entities, "ENTS")
 KILN_TABLE(Provenance, provenance, "PROV")
 KILN_TABLE(Materials, materials, "MATL")
+KILN_TABLE(Bevels, bevels, "BEVL")
 #undef KILN_TABLE
 
 const std::string* kiln_level::get_meta() const {
@@ -149,6 +150,10 @@ const Cubes* kiln_level::get_cubes() const {
         table.halfs = {};
         table.tree.nodes = table.nodes.data(), table.tree.node_count = table.nodes.size();
     });
+}
+
+const Collision* kiln_level::get_collision() const {
+    return collision.get([&](Collision& out) { out = make_collision(*this); });
 }
 
 const Visibility* kiln_level::get_visibility() const {
@@ -361,6 +366,7 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("PROB"): return tell(level->probes, level->get_probes());
         case fourcc("ENTS"): return tell(level->entities, level->get_entities());
         case fourcc("PROV"): return tell(level->provenance, level->get_provenance());
+        case fourcc("BEVL"): return tell(level->bevels, level->get_bevels());
         default: break;
         }
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What an open level is inside: the directory, and each part decoded at its first use, once. Private.
 #pragma once
+#include "formats/level/collision.h"
 #include "formats/level/mesh_codec.h"
 #include "formats/level/tables.h"
 #include <map>
@@ -86,6 +87,8 @@ struct kiln_level {
     mutable Lazy<kiln::level::ProbeTable> probes;
     mutable Lazy<kiln::level::Entities> entities;
     mutable Lazy<kiln::level::Provenance> provenance;
+    mutable Lazy<kiln::level::Bevels> bevels;
+    mutable Lazy<kiln::level::Collision> collision; // made of planes, brushes, bevels, nodes and leaves
     std::unique_ptr<Lazy<kiln::level::Blob>[]> blobs; // per entry: LMPG, LMQA, PRBT
 
     // Null where the part is missing or damaged.
@@ -107,6 +110,8 @@ struct kiln_level {
     const kiln::level::ProbeTable* get_probes() const;
     const kiln::level::Entities* get_entities() const;
     const kiln::level::Provenance* get_provenance() const;
+    const kiln::level::Bevels* get_bevels() const;
+    const kiln::level::Collision* get_collision() const;
     const kiln::level::Blob* get_page(std::uint32_t page) const;    // run-time texels
     const kiln::level::Blob* get_quality(std::uint32_t page) const; // validity, then error codes
     const kiln::level::Blob* get_probe(std::uint32_t probe) const;
