@@ -6,12 +6,14 @@
 #include "compiler/world/row_flags.h"
 #include "compiler/world/side_list.h"
 #include "compiler/world/world.h"
+#include "libs/core/hash.h"
 #include <cmath>
 #include <fmt/format.h>
 #include <map>
 #include <optional>
 #include <set>
 #include <tuple>
+#include <unordered_map>
 
 namespace kiln {
 namespace {
@@ -46,6 +48,7 @@ public:
         for (const DocEntity& e : document_.entities)
             if (equal_ignoring_case(e.get("classname"), "func_areaportalwindow") && !e.get("target").empty())
                 portal_windows_.insert(lower_case(e.get("target")));
+        reserve_room();
         for (std::size_t e = 0; e < document_.entities.size(); ++e) {
             context_.check_cancelled();
             const DocEntity& entity = document_.entities[e];
@@ -115,12 +118,44 @@ private:
         return kept;
     }
 
+    // What the material of a side depends on.
+    struct SideMaterial {
+        std::string_view name;
+        std::int64_t contents = 0, surface_flags = 0, value = 0;
+        bool has_content_flags = false;
+        friend bool operator==(const SideMaterial&, const SideMaterial&) = default;
+        struct Hash {
+            std::size_t operator()(const SideMaterial& m) const {
+                return std::hash<std::string_view>()(m.name) ^ mix(m.contents, m.surface_flags, m.value, m.has_content_flags);
+            }
+        };
+    };
+    std::unordered_map<SideMaterial, MaterialId, SideMaterial::Hash> side_materials_; // only looked up in: its order shows nowhere
+    std::vector<MaterialId> brush_materials_; // of the sides of the brush at hand
+    std::vector<std::uint32_t> brush_flags_;
+
+    MaterialId material_of(const DocEntity& e, const DocBrush& b, const DocSide& s) {
+        const auto [it, added] = side_materials_.try_emplace({s.material, s.contents, s.surface_flags, s.value, s.has_content_flags});
+        if (added) it->second = intern(s, {document_.name_of(b.file), s.line, e.id, b.id, s.id});
+        return it->second;
+    }
     MaterialId intern(const DocSide& side, const SourceLocation& where) {
         Material m = with_row_flags(database_.find(side.material, context_, where), side, document_.format, quake3_);
         const MaterialKey key{m.name, m.flags, m.emission.x, m.alpha};
         const auto [it, added] = material_ids_.try_emplace(key, id<MaterialId>(world_.materials.size()));
         if (added) world_.materials.push_back(std::move(m));
         return it->second;
+    }
+
+    void reserve_room() {
+        std::size_t brushes = 0, sides = 0;
+        for (const DocEntity& e : document_.entities) {
+            brushes += e.brushes.size();
+            for (const DocBrush& b : e.brushes) sides += b.sides.size();
+        }
+        world_.entities.reserve(document_.entities.size());
+        world_.brushes.reserve(brushes);
+        world_.sides.reserve(sides);
     }
 
     void add_entity(const DocEntity& e, bool with_brushes) {
@@ -236,11 +271,12 @@ private:
 
     void add_brush(const DocEntity& e, const DocBrush& b, std::size_t entity, BrushUse use, double scale,
                    WorldEntity& out) {
-        std::vector<MaterialId> ids;
-        std::vector<std::uint32_t> flags;
+        std::vector<MaterialId>& ids = brush_materials_;
+        std::vector<std::uint32_t>& flags = brush_flags_;
+        ids.clear(), flags.clear();
         bool displaced = false;
         for (const DocSide& s : b.sides) {
-            ids.push_back(intern(s, {document_.name_of(b.file), s.line, e.id, b.id, s.id}));
+            ids.push_back(material_of(e, b, s));
             flags.push_back(world_.materials[ids.back().at()].flags);
             const UnknownBits unknown = unknown_row_bits(s, document_.format, quake3_);
             if (unknown.contents || unknown.surface) unknown_bits_.add({document_.name_of(b.file), s.line, e.id, b.id, s.id});
@@ -276,10 +312,11 @@ private:
         brush.id = b.id;
         for (std::size_t i = 0; i < b.sides.size(); ++i) {
             const DocSide& s = b.sides[i];
-            const double asked = s.lightmap_scale > 0
-                                     ? bounded(s.lightmap_scale, {document_.name_of(b.file), s.line, e.id, b.id, s.id})
-                                     : scale;
-            WorldSide side;
+            double asked = s.lightmap_scale > 0 ? s.lightmap_scale : scale;
+            if (s.lightmap_scale > 0 && (asked < kFinestLightmapScale || asked > kCoarsestLightmapScale))
+                asked = bounded(asked, {document_.name_of(b.file), s.line, e.id, b.id, s.id});
+            const std::size_t index = world_.sides.size();
+            WorldSide& side = world_.sides.emplace_back();
             side.points = s.points, side.material = ids[i], side.texture = s.texture, side.lightmap_scale = asked;
             side.smoothing_groups = s.smoothing_groups, side.line = s.line, side.id = s.id;
             if (s.texture.in_repeats) { // brushDef: texels once the size of the texture is known
@@ -291,9 +328,8 @@ private:
             side.editor_vertices = s.vertices;
             if (s.displacement >= 0) {
                 side.displacement = static_cast<std::int32_t>(world_.displacements.size());
-                world_.displacements.push_back({id<SideId>(world_.sides.size()), document_.displacements[static_cast<std::size_t>(s.displacement)]});
+                world_.displacements.push_back({id<SideId>(index), document_.displacements[static_cast<std::size_t>(s.displacement)]});
             }
-            world_.sides.push_back(std::move(side));
         }
         world_.brushes.push_back(brush);
     }

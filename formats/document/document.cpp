@@ -1,6 +1,4 @@
 #include "formats/document/document.h"
-#include <charconv>
-#include <cmath>
 
 namespace kiln {
 namespace {
@@ -25,20 +23,6 @@ std::string lower_case(std::string_view text) {
     std::string out(text);
     for (char& c : out) c = lower(c);
     return out;
-}
-
-std::optional<double> parse_number(std::string_view text) {
-    while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
-    while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
-    const std::optional<Decimal> decimal = parse_decimal(text);
-    if (!decimal) return std::nullopt;
-    double value = decimal->to_double();
-    if (!decimal->exact) { // more digits than a Decimal holds: round once, not twice
-        if (text.front() == '+') text.remove_prefix(1);
-        if (std::from_chars(text.data(), text.data() + text.size(), value).ec != std::errc{}) return std::nullopt;
-    }
-    if (!std::isfinite(value)) return std::nullopt;
-    return value;
 }
 
 std::vector<double> parse_numbers(std::string_view text, bool* complete) {
