@@ -134,7 +134,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!bsp) return bsp.fault();
     auto leaks = find_leaks(world, out.csg, out.bsp, options.bsp, context); // the one thing here that asks for entities
     if (!leaks) return leaks.fault();
-    out.leak = std::move(leaks->leak);
+    out.leak = std::move(leaks->leak), out.leaks = std::move(leaks->leaks);
     if (out.leak && !options.bsp.allow_leaks) return leak_fault(world, *out.leak);
     if (out.leak) {
         bsp_options.fill = false;

@@ -81,8 +81,13 @@ struct Leak {
     std::vector<BrushId> near;   // structural brushes around the hole, nearest first
     Vec3 hole{};                 // middle of the opening the path goes through: of all ways to part the entities from
                                  // the void by closing portals, the one of least area
-    template <class A> void fields(A& a) { a(entity, path, near, hole); }
+    double length = 0;           // of the path, map units
+    double area = 0, width = 0;  // of the opening, square map units, and its least extent; 0: the entity stands in the void
+    std::vector<BrushId> passes; // brushes that do not seal and the path goes through, nearest to the hole first
+    template <class A> void fields(A& a) { a(entity, path, near, hole, length, area, width, passes); }
 };
+// What a brush that does not seal is to the designer: "func_detail", "displacement", "water of func_water_analog", ...
+std::string name_of_unsealing(const World& world, BrushId brush);
 
 struct Bsp {
     PlaneTable planes;             // those of csg (same ids), then the world's box
@@ -109,6 +114,7 @@ void validate(const Bsp& bsp, const Csg& csg);
 //          entity-outside (warning): it lies on an outer face or in a filled crack, while the others are sealed in
 struct LeakTest {
     std::optional<Leak> leak; // the one with the shortest path
+    std::vector<Leak> leaks;  // all, that one first; entities that stand in the void last. At most 256
 };
 Result<LeakTest> find_leaks(const World& world, const Csg& csg, const Bsp& bsp, const BspOptions& options, Context& context);
 
