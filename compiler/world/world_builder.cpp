@@ -1,12 +1,16 @@
+#include "compiler/world/brush_box.h"
 #include "compiler/world/contents.h"
 #include "compiler/world/entity_classes.h"
 #include "compiler/world/omitted_layers.h"
+#include "compiler/world/regions.h"
 #include "compiler/world/row_flags.h"
+#include "compiler/world/side_list.h"
 #include "compiler/world/world.h"
 #include <cmath>
 #include <fmt/format.h>
 #include <map>
 #include <optional>
+#include <set>
 #include <tuple>
 
 namespace kiln {
@@ -23,41 +27,6 @@ struct Counted { // one diagnostic for many of a kind
     }
 };
 
-// Middle of the box of an origin brush. Rounded arithmetic: it is a convenience of the editor, not geometry.
-std::optional<Vec3> centre_of(const DocBrush& brush) {
-    struct Plane {
-        Vec3 n;
-        double d;
-    };
-    std::vector<Plane> planes;
-    for (const DocSide& s : brush.sides) {
-        std::array<Vec3, 3> p;
-        for (std::size_t i = 0; i < 3; ++i)
-            for (std::size_t k = 0; k < 3; ++k) p[i][k] = s.points[i][k].to_double();
-        const Vec3 n = normalize(cross(p[2] - p[0], p[1] - p[0])); // outward: points run clockwise
-        planes.push_back({n, dot(n, p[0])});
-    }
-    constexpr std::size_t kMostSides = 64; // corners are found by trying all triples
-    constexpr double kOutside = 0.01;      // map units
-    if (planes.size() > kMostSides) return std::nullopt;
-    Box3 box;
-    for (std::size_t i = 0; i < planes.size(); ++i)
-        for (std::size_t j = i + 1; j < planes.size(); ++j)
-            for (std::size_t k = j + 1; k < planes.size(); ++k) {
-                const Vec3 jk = cross(planes[j].n, planes[k].n);
-                const double det = dot(planes[i].n, jk);
-                if (std::abs(det) < 1e-9) continue;
-                const Vec3 x = (jk * planes[i].d + cross(planes[k].n, planes[i].n) * planes[j].d +
-                                cross(planes[i].n, planes[j].n) * planes[k].d) /
-                               det;
-                bool inside = true;
-                for (const Plane& q : planes) inside = inside && dot(q.n, x) <= q.d + kOutside;
-                if (inside) box.add(x);
-            }
-    if (box.empty()) return std::nullopt;
-    return box.center();
-}
-
 class Builder {
 public:
     Builder(const Document& document, MaterialDatabase& materials, const WorldOptions& options, Context& context)
@@ -73,13 +42,23 @@ public:
             return fault(Exit::input, "no-entities", "the map has no entities", {document_.file, 1});
         world_scale_ = scale_of(document_.entities[0], options_.lightmap_scale);
         const std::vector<std::uint8_t> omitted = omitted_by_layer(document_);
+        regions_ = find_regions(document_, omitted, context_);
+        for (const DocEntity& e : document_.entities)
+            if (equal_ignoring_case(e.get("classname"), "func_areaportalwindow") && !e.get("target").empty())
+                portal_windows_.insert(lower_case(e.get("target")));
         for (std::size_t e = 0; e < document_.entities.size(); ++e) {
             context_.check_cancelled();
             const DocEntity& entity = document_.entities[e];
             if (omitted[e]) omitted_.add({document_.name_of(entity.file), entity.line, entity.id});
             if (omitted[e]) omitted_brushes_ += entity.brushes.size();
-            if (!omitted[e] || e == 0) add_entity(entity, omitted[e] == 0);
+            if (omitted[e] && e > 0) continue;
+            if (e > 0 && regions_.any() && !in_regions(entity)) {
+                outside_region_.add({document_.name_of(entity.file), entity.line, entity.id});
+                continue;
+            }
+            add_entity(entity, omitted[e] == 0);
         }
+        finish_entities();
         report_counts();
         bool any = false;
         for (const WorldBrush& b : world_.brushes)
@@ -102,8 +81,11 @@ private:
     using MaterialKey = std::tuple<std::string, std::uint32_t, float, float>; // name, flags, emission, alpha
     std::map<MaterialKey, MaterialId> material_ids_;
     std::map<std::string, Counted, std::less<>> classes_;
-    Counted displacements_, patches_, mixed_, origin_in_world_, omitted_;
-    std::size_t omitted_brushes_ = 0;
+    Counted displacements_, patches_, mixed_, origin_in_world_, omitted_, unknown_bits_, outside_region_;
+    std::size_t omitted_brushes_ = 0, brushes_outside_region_ = 0;
+    UnknownBits unknown_;
+    Regions regions_;
+    std::set<std::string, std::less<>> portal_windows_; // names that func_areaportalwindows target, lower case
 
     SourceLocation where(const DocEntity& e, const DocBrush& b) const {
         return {document_.name_of(b.file), b.line, e.id, b.id};
@@ -160,11 +142,16 @@ private:
         if (patches > 0 && patches_.first.file.empty()) patches_.first = {document_.name_of(e.file), e.line, e.id};
 
         const BrushUse use = brush_use(e, index == 0, document_.format);
-        const bool own_model = use == BrushUse::model || use == BrushUse::hidden_model;
+        const bool own_model = use == BrushUse::model || use == BrushUse::hidden_model || use == BrushUse::water;
         if (index == 0) out.model = id<ModelId>(0);
         const double scale = index == 0 ? world_scale_ : scale_of(e, world_scale_);
-        if (use != BrushUse::dropped && with_brushes) {
+        if (with_brushes) {
             for (const DocBrush& b : e.brushes) {
+                if (regions_.any() && is_region_brush(b)) continue;
+                if (regions_.any() && !regions_.keeps(box_of(b))) {
+                    ++brushes_outside_region_;
+                    continue;
+                }
                 const std::size_t before = world_.brushes.size();
                 add_brush(e, b, index, use, scale, out);
                 if (own_model && world_.brushes.size() > before) {
@@ -172,8 +159,62 @@ private:
                     world_.brushes.back().model = out.model;
                 }
             }
+            if (index == 0)
+                for (const DocBrush& wall : regions_.walls) add_brush(e, wall, index, use, scale, out);
+            if (use == BrushUse::ladder) become_info_ladder(e, out);
         }
         world_.entities.push_back(std::move(out));
+    }
+
+    // What is in no region goes: point entities by their origin, others with the last of their brushes.
+    bool in_regions(const DocEntity& e) const {
+        if (e.brushes.empty()) {
+            const DocKey* origin = e.find("origin");
+            return !origin || !e.patches.empty() || regions_.keeps(e.vector("origin", {}));
+        }
+        for (const DocBrush& b : e.brushes)
+            if (is_region_brush(b) || regions_.keeps(box_of(b))) return true;
+        return false;
+    }
+
+    // As in Source: the game finds ladders by their bounds.
+    static void become_info_ladder(const DocEntity& e, WorldEntity& out) {
+        Box3 box;
+        for (const DocBrush& b : e.brushes)
+            if (const Box3 own = box_of(b); !own.empty()) box.add(own);
+        if (box.empty()) return;
+        for (DocKey& k : out.keys)
+            if (equal_ignoring_case(k.key, "classname")) k.value = "info_ladder";
+        constexpr const char* kAxis[] = {"x", "y", "z"};
+        for (const auto& [name, corner] : {std::pair{"mins", box.lo}, {"maxs", box.hi}})
+            for (std::size_t i = 0; i < 3; ++i)
+                out.keys.push_back({fmt::format("{}.{}", name, kAxis[i]), fmt::format("{}", corner[i] + 0.0), e.line});
+    }
+
+    // What entities say of things that stand elsewhere in the file.
+    void finish_entities() {
+        std::optional<SideNames> names;
+        std::set<std::string, std::less<>> lighting;
+        for (const WorldEntity& e : world_.entities)
+            if (equal_ignoring_case(e.get("classname"), "info_lighting")) lighting.insert(lower_case(e.get("targetname")));
+        for (std::size_t e = 0; e < world_.entities.size(); ++e) {
+            const WorldEntity& entity = world_.entities[e];
+            const std::string_view name = entity.get("classname");
+            if (equal_ignoring_case(name, "info_no_dynamic_shadow")) {
+                if (!names) names.emplace(world_);
+                for (const SideId s : resolve_side_list(world_, *names, id<EntityId>(e), "sides", context_))
+                    world_.sides[s.at()].no_dynamic_shadow = true;
+            }
+            if (!equal_ignoring_case(name, "prop_static")) continue;
+            const DocKey* wanted = find_key(entity.keys, "lightingorigin");
+            if (!wanted || wanted->value.empty() || lighting.contains(lower_case(wanted->value))) continue;
+            SourceLocation where = world_.location(id<EntityId>(e));
+            where.line = wanted->line;
+            context_.report(Severity::warning, "lighting-origin-missing",
+                            fmt::format("the prop {} takes its light at '{}', but there is no info_lighting of that name; it takes it where it stands",
+                                        entity.get("model"), wanted->value),
+                            where);
+        }
     }
 
     void read_origin(const DocEntity& e, WorldEntity& out) {
@@ -201,16 +242,19 @@ private:
         for (const DocSide& s : b.sides) {
             ids.push_back(intern(s, {document_.name_of(b.file), s.line, e.id, b.id, s.id}));
             flags.push_back(world_.materials[ids.back().at()].flags);
+            const UnknownBits unknown = unknown_row_bits(s, document_.format, quake3_);
+            if (unknown.contents || unknown.surface) unknown_bits_.add({document_.name_of(b.file), s.line, e.id, b.id, s.id});
+            unknown_.contents |= unknown.contents, unknown_.surface |= unknown.surface;
             displaced = displaced || s.displacement >= 0;
             if (s.displacement >= 0) displacements_.add({document_.name_of(b.file), s.line, e.id, b.id, s.id});
         }
-        BrushKind kind = kind_of_brush(flags);
+        BrushKind kind = kind_of_brush(flags, document_.format);
         if (kind.mixed) mixed_.add(where(e, b));
         if (kind.origin) {
             if (entity == 0)
                 origin_in_world_.add(where(e, b));
-            else if (const std::optional<Vec3> centre = centre_of(b)) {
-                out.origin = *centre;
+            else if (const Box3 box = box_of(b); !box.empty()) {
+                out.origin = box.center();
                 out.has_origin = true;
             }
             return;
@@ -225,8 +269,8 @@ private:
         brush.entity = id<EntityId>(entity);
         brush.casts_light_shadow = kind.blocks_light && casts_shadow(e, use);
         brush.draws = kind.draws;
-        brush.collides = kind.collides;
-        brush.blocks = kind.collides ? kBlocksAll : 0;
+        brush.collides = (kind.blocks & kBlocksPlayers) != 0;
+        brush.blocks = kind.blocks;
         brush.file = b.file;
         brush.line = b.line;
         brush.id = b.id;
@@ -238,6 +282,12 @@ private:
             WorldSide side;
             side.points = s.points, side.material = ids[i], side.texture = s.texture, side.lightmap_scale = asked;
             side.smoothing_groups = s.smoothing_groups, side.line = s.line, side.id = s.id;
+            if (s.texture.in_repeats) { // brushDef: texels once the size of the texture is known
+                const Material& m = world_.materials[ids[i].at()];
+                side.texture.u_scale /= m.width, side.texture.u_shift *= m.width;
+                side.texture.v_scale /= m.height, side.texture.v_shift *= m.height;
+                side.texture.in_repeats = false;
+            }
             side.editor_vertices = s.vertices;
             if (s.displacement >= 0) {
                 side.displacement = static_cast<std::int32_t>(world_.displacements.size());
@@ -248,35 +298,61 @@ private:
         world_.brushes.push_back(brush);
     }
 
-    static void apply(BrushUse use, bool displaced, BrushKind& kind, const DocEntity& e) {
+    void apply(BrushUse use, bool displaced, BrushKind& kind, const DocEntity& e) const {
         const bool wall = kind.contents == Contents::solid || kind.contents == Contents::detail;
+        const auto become = [&](Contents c) {
+            kind.contents = c;
+            kind.blocks = blocks_of(c, document_.format);
+        };
+        const auto mark = [&](Contents c) { // neither drawn nor met
+            kind.contents = c;
+            kind.draws = kind.blocks_light = false;
+            kind.blocks = 0;
+        };
         switch (use) {
         case BrushUse::structural:
             break;
+        case BrushUse::ladder:
         case BrushUse::detail:
-            if (wall) kind.contents = Contents::detail;
+            if (wall) become(Contents::detail);
             break;
         case BrushUse::fence:
         case BrushUse::illusion:
+            // Full blocks stop what walls stop, sight included: what is drawn on them is not known to have holes.
             if (wall) kind.contents = Contents::window;
-            if (use == BrushUse::illusion) kind.collides = false;
+            if (use == BrushUse::illusion) kind.blocks = 0;
             break;
         case BrushUse::area_portal:
-            kind = {Contents::area_portal, false, false, false, false, false};
+            mark(Contents::area_portal);
+            break;
+        case BrushUse::occluder:
+            mark(Contents::occluder);
+            break;
+        case BrushUse::vis_cluster:
+            mark(Contents::vis_cluster);
+            break;
+        case BrushUse::water:
+            if (wall || kind.contents == Contents::window || kind.contents == Contents::grate) become(liquid_of(e));
+            kind.blocks_light = false;
             break;
         case BrushUse::model:
             // Nothing seals or hides in a model but in itself; detail is a word of the world.
             if (kind.contents == Contents::detail) kind.contents = Contents::solid;
-            if (passable_model(e)) kind.collides = false;
+            if (wall && faded_by_portal(e)) become(Contents::window);
+            if (passable_model(e)) kind.blocks = 0;
             break;
         case BrushUse::hidden_model:
-            kind = {Contents::trigger, false, false, false, false, false};
-            break;
-        case BrushUse::dropped:
+            mark(Contents::trigger);
             break;
         }
         // A displacement never seals. Until its surface is built, its brush stands in for it as it is.
         if (displaced && kind.contents == Contents::solid) kind.contents = Contents::detail;
+    }
+
+    // The brush that a func_areaportalwindow fades over its portal is seen through while it fades.
+    bool faded_by_portal(const DocEntity& e) const {
+        const std::string_view name = e.get("targetname");
+        return !name.empty() && portal_windows_.contains(lower_case(name));
     }
 
     static bool casts_shadow(const DocEntity& e, BrushUse use) {
@@ -305,6 +381,16 @@ private:
                             fmt::format("{} entities with {} brushes are in layers that the editor omits from export; they are left out",
                                         omitted_.count, omitted_brushes_),
                             omitted_.first);
+        if (outside_region_.count + brushes_outside_region_ > 0)
+            context_.report(Severity::note, "outside-region",
+                            fmt::format("only what the region brushes allow is compiled: {} entities and {} brushes are left out",
+                                        outside_region_.count, brushes_outside_region_),
+                            {document_.file});
+        if (unknown_bits_.count > 0)
+            context_.report(Severity::note, "row-bits-unknown",
+                            fmt::format("{} sides have bits that Quake 2 does not define (contents 0x{:x}, surface 0x{:x}); they are ignored",
+                                        unknown_bits_.count, unknown_.contents, unknown_.surface),
+                            unknown_bits_.first);
         tell(origin_in_world_, Severity::warning, "origin-brush-in-world",
              "{} origin brushes of the world mean nothing; they are left out");
     }

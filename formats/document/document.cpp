@@ -27,6 +27,20 @@ std::string lower_case(std::string_view text) {
     return out;
 }
 
+std::optional<double> parse_number(std::string_view text) {
+    while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
+    while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
+    const std::optional<Decimal> decimal = parse_decimal(text);
+    if (!decimal) return std::nullopt;
+    double value = decimal->to_double();
+    if (!decimal->exact) { // more digits than a Decimal holds: round once, not twice
+        if (text.front() == '+') text.remove_prefix(1);
+        if (std::from_chars(text.data(), text.data() + text.size(), value).ec != std::errc{}) return std::nullopt;
+    }
+    if (!std::isfinite(value)) return std::nullopt;
+    return value;
+}
+
 std::vector<double> parse_numbers(std::string_view text, bool* complete) {
     std::vector<double> numbers;
     bool all = true;
@@ -35,25 +49,15 @@ std::vector<double> parse_numbers(std::string_view text, bool* complete) {
         if (at == text.size()) break;
         std::size_t end = at;
         while (end < text.size() && !is_space(text[end])) ++end;
-        const char* first = text.data() + at;
-        if (*first == '+' && end - at > 1 && first[1] != '-') ++first;
-        double value = 0;
-        const auto [stop, ec] = std::from_chars(first, text.data() + end, value);
-        if (ec == std::errc{} && stop == text.data() + end && std::isfinite(value))
-            numbers.push_back(value);
+        const std::optional<double> value = parse_number(text.substr(at, end - at));
+        if (value)
+            numbers.push_back(*value);
         else
             all = false;
         at = end;
     }
     if (complete) *complete = all;
     return numbers;
-}
-
-std::optional<double> parse_number(std::string_view text) {
-    bool complete = false;
-    const std::vector<double> numbers = parse_numbers(text, &complete);
-    if (!complete || numbers.size() != 1) return std::nullopt;
-    return numbers[0];
 }
 
 const DocKey* DocEntity::find(std::string_view key) const {
