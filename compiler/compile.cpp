@@ -41,6 +41,19 @@ Hash entity_lines_key(const World& world) { // what the messages of stages that 
     for (const WorldEntity& e : world.entities) w(e.line, e.id);
     return hash_bytes(w.bytes);
 }
+Hash sky_key(const World& world) { // where 3D skies are, and where players start, which tells whether they are rooms of their own
+    ByteWriter w;
+    const auto name = [](const WorldEntity& e) { return lower_case(e.get("classname")); };
+    if (std::ranges::any_of(world.entities, [&](const WorldEntity& e) { return e.has_origin && name(e) == "sky_camera"; }))
+        for (const WorldEntity& e : world.entities)
+            if (e.has_origin && (name(e) == "sky_camera" || name(e).starts_with("info_player"))) w(name(e), e.origin);
+    for (const WorldBrush& b : world.brushes) // what messages of area portals, occluders and clusters show
+        if (b.contents == Contents::area_portal || b.contents == Contents::occluder || b.contents == Contents::vis_cluster) {
+            const WorldEntity& e = world.entities[b.entity.at()];
+            w(std::string(e.get("classname")), std::string(e.get("targetname")), e.line, e.id);
+        }
+    return hash_bytes(w.bytes);
+}
 Hash smoothing_key(const World& world) { // keys of entities that steer surfaces
     ByteWriter w;
     for (const WorldBrush& b : world.brushes) {
@@ -131,14 +144,14 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     BspOptions bsp_options = options.bsp;
     bsp_options.allow_leaks = false; // is for the leak test alone
     const auto make_bsp = [&] {
-        return stages.run(Stage::bsp, 2, all(*csg, geometry, bsp_options), places, out.bsp,
+        return stages.run(Stage::bsp, 3, all(*csg, geometry, sky_key(world), bsp_options), places, out.bsp,
                           [&] { return build_bsp(world, out.csg, bsp_options, context); });
     };
     auto bsp = make_bsp();
     if (!bsp) return bsp.fault();
     auto leaks = find_leaks(world, out.csg, out.bsp, options.bsp, context); // the one thing here that asks for entities
     if (!leaks) return leaks.fault();
-    out.leak = std::move(leaks->leak);
+    out.leak = std::move(leaks->leak), out.leaks = std::move(leaks->leaks);
     if (out.leak && !options.bsp.allow_leaks) return leak_fault(world, *out.leak);
     if (out.leak) {
         bsp_options.fill = false;

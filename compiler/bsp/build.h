@@ -11,7 +11,7 @@ Box3 world_box(const World& world, const Csg& csg); // around every brush of the
 
 struct TreeLeaf {
     Contents contents = Contents::empty;
-    bool area_portal = false;
+    std::vector<BrushId> area_portals;         // with volume in it, sorted
     std::vector<std::vector<Vec3>> void_faces; // where it is open to the world's box
     std::vector<PlanePolygon> void_polygons;   // the same, facing out
     Box3 bounds;
@@ -112,6 +112,15 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
 void report_leaks(const World& world, const std::vector<Leak>& leaks, const BspOptions& options, Context& context);
 
 Vec3 closest_point(std::span<const Vec3> convex_winding, Vec3 to);
+
+// Areas of the inside leaves: what hangs together without passing a leaf of an area portal (`portals_in`: per leaf).
+void number_areas(Bsp& bsp, const std::vector<std::vector<BrushId>>& portals_in);
+void find_area_portals(const World& world, const Csg& csg, const std::vector<std::vector<BrushId>>& portals_in, Bsp& bsp,
+                       bool report, Context& context);
+void find_waters(const World& world, const Csg& csg, Bsp& bsp);
+void find_occluders(const World& world, const Csg& csg, const Space& space, Bsp& bsp, Context& context);
+// Clusters of the inside leaves, numbered in the order of leaves. Areas must be known.
+void number_clusters(const World& world, const Csg& csg, const Space& space, Bsp& bsp, Context& context);
 
 std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& space, const Bsp& bsp);
 

@@ -128,12 +128,13 @@ private:
         leaf.bounds = work.region.box;
         for (const Piece& p : work.pieces) {
             if (is_listed(p.contents)) leaf.brushes.push_back(p.brush);
-            if (p.contents == Contents::area_portal) leaf.area_portal = true;
+            if (p.contents == Contents::area_portal) leaf.area_portals.push_back(p.brush);
             if (p.contents == Contents::detail || p.contents == Contents::clip) continue;
             const auto rank = [](Contents c) { return strength(c).value_or(c == Contents::empty ? INT_MAX : INT_MAX - 1); };
             if (rank(p.contents) < rank(leaf.contents)) leaf.contents = p.contents; // the strongest fills it
         }
         std::ranges::sort(leaf.brushes);
+        std::ranges::sort(leaf.area_portals);
         leaf.thickness = 1e30;
         for (const Poly& f : work.region.faces) {
             const Vec3 n = space_.planes.normal(f.polygon.support);

@@ -95,6 +95,7 @@ std::vector<std::uint32_t> add_brushes(const PackInput& in, const CollisionBrush
         level::Brush brush;
         brush.model = b.model.valid() ? b.model.value : 0;
         brush.contents = static_cast<std::uint8_t>(b.contents);
+        brush.blocks = b.blocks;
         brush.source_entity = where.entity, brush.source_id = b.id, brush.source_line = b.line;
         for (std::size_t k = 0; k < polytope.faces.size(); ++k) {
             brush.planes.push_back(polytope.faces[k].support.value);
@@ -119,6 +120,7 @@ void add_faces(const PackInput& in, level::LevelContent& out) {
         face.chart = f.chart.value;
         face.probe = i < in.probes.face_probe.size() ? in.probes.face_probe[i] : UINT32_MAX;
         face.drawn = f.drawn, face.sky = f.sky, face.two_sided = f.two_sided, face.blocks_light = f.blocks_light;
+        face.no_dynamic_shadow = in.world.sides[f.side.at()].no_dynamic_shadow;
         face.tangent = floats(f.tangent.t), face.bitangent = floats(f.tangent.b), face.normal = floats(f.normal);
         face.u_axis = doubles(texture.u_axis), face.v_axis = doubles(texture.v_axis);
         face.u_scale = texture.u_scale, face.v_scale = texture.v_scale;
@@ -137,6 +139,24 @@ void add_faces(const PackInput& in, level::LevelContent& out) {
         }
         out.faces.push_back(face);
     }
+}
+
+void add_spaces(const PackInput& in, const std::vector<std::uint32_t>& level_brush, level::LevelContent& out) {
+    const auto winding = [](std::span<const Vec3> points) {
+        std::vector<level::Float3> floats_of;
+        for (const Vec3& p : points) floats_of.push_back(floats(p));
+        return floats_of;
+    };
+    for (const AreaPortal& p : in.bsp.area_portals)
+        out.area_portals.push_back({static_cast<std::int32_t>(in.world.brushes[p.brush.at()].entity.value), level_brush[p.brush.at()], p.areas, winding(p.winding)});
+    for (const Occluder& o : in.bsp.occluders) {
+        level::OccluderInfo occluder{static_cast<std::int32_t>(o.entity.value), o.area, {}};
+        for (const std::uint32_t f : o.fragments) occluder.polygons.push_back(winding(points(in.csg.planes, in.csg.fragments[f].polygon)));
+        out.occluders.push_back(std::move(occluder));
+    }
+    for (const WaterVolume& w : in.bsp.waters)
+        out.waters.push_back({static_cast<std::uint8_t>(w.contents), static_cast<float>(w.surface_z), static_cast<float>(w.min_z), w.has_surface, w.material.value});
+    if (!out.waters.empty()) out.leaf_water = in.bsp.leaf_water;
 }
 
 void add_charts(const PackInput& in, level::LevelContent& out) {
@@ -219,7 +239,9 @@ level::LevelContent level_content(const PackInput& in, Context& context) {
     out.rnm_encoding = static_cast<std::uint8_t>(in.lighting.encoding);
     out.model_count = std::max(1u, in.world.model_count);
     add_planes(in.csg.planes, out);
-    add_tree(in, add_brushes(in, build_collision(in.csg, context), out), out);
+    const std::vector<std::uint32_t> level_brush = add_brushes(in, build_collision(in.csg, context), out);
+    add_tree(in, level_brush, out);
+    add_spaces(in, level_brush, out);
     for (const Material& m : in.world.materials) {
         level::MaterialInfo material;
         material.name = m.name, material.albedo_map = m.albedo_map, material.normal_map = m.normal_map;

@@ -132,6 +132,11 @@ KILN_TABLE(Entities, entities, "ENTS")
 KILN_TABLE(Provenance, provenance, "PROV")
 KILN_TABLE(Materials, materials, "MATL")
 KILN_TABLE(Bevels, bevels, "BEVL")
+KILN_TABLE(AreaPortals, area_portals, "AREA")
+KILN_TABLE(Occluders, occluders, "OCCL")
+KILN_TABLE(Waters, waters, "WATR")
+KILN_TABLE(BrushBlocks, brush_blocks, "BBLK")
+KILN_TABLE(FaceShadows, face_shadows, "FSHD")
 #undef KILN_TABLE
 
 const std::string* kiln_level::get_meta() const {
@@ -367,6 +372,11 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("ENTS"): return tell(level->entities, level->get_entities());
         case fourcc("PROV"): return tell(level->provenance, level->get_provenance());
         case fourcc("BEVL"): return tell(level->bevels, level->get_bevels());
+        case fourcc("AREA"): return tell(level->area_portals, level->get_area_portals());
+        case fourcc("OCCL"): return tell(level->occluders, level->get_occluders());
+        case fourcc("WATR"): return tell(level->waters, level->get_waters());
+        case fourcc("BBLK"): return tell(level->brush_blocks, level->get_brush_blocks());
+        case fourcc("FSHD"): return tell(level->face_shadows, level->get_face_shadows());
         default: break;
         }
     }

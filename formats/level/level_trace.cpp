@@ -31,8 +31,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-// What brushes stop, where the level says no more than their contents.
-std::uint32_t stops(std::uint32_t contents) {
+// What brushes stop, of levels that say no more than their contents.
+std::uint32_t stops_of_contents(std::uint32_t contents) {
     constexpr std::uint32_t kAll = KILN_FOR_PLAYERS | KILN_FOR_NPCS | KILN_FOR_BULLETS | KILN_FOR_SIGHT;
     if (contents & (KILN_CONTENTS_SOLID | KILN_CONTENTS_DETAIL)) return kAll;
     if (contents & KILN_CONTENTS_WINDOW) return kAll & ~static_cast<std::uint32_t>(KILN_FOR_SIGHT);
@@ -62,6 +62,8 @@ std::size_t depth_of(const std::vector<kiln_node>& nodes) {
     }
     return depth;
 }
+
+static_assert(KILN_FOR_PLAYERS == KILN_BLOCKS_PLAYERS << 24 && KILN_FOR_SIGHT == KILN_BLOCKS_SIGHT << 24, "the same bits, moved");
 
 template <class T> const T& part(const kiln_level& level, const T* value, std::uint32_t id) {
     if (!value) {
@@ -284,6 +286,8 @@ Collision make_collision(const kiln_level& level) {
     const Leaves& leaves = part(level, level.get_leaves(), fourcc("LEAF"));
     const Bevels* bevels = level.get_bevels();
     if (!bevels && level.find(fourcc("BEVL")) != level.entries.size()) part(level, bevels, fourcc("BEVL")); // damaged
+    const BrushBlocks* blocks = level.get_brush_blocks();
+    if (!blocks && level.find(fourcc("BBLK")) != level.entries.size()) part(level, blocks, fourcc("BBLK")); // damaged
     Collision out;
     out.has_bevels = bevels != nullptr;
     out.depth = depth_of(nodes.rows);
@@ -292,7 +296,7 @@ Collision make_collision(const kiln_level& level) {
         Collision::Brush b{};
         for (std::size_t k = 0; k < 3; ++k) b.lo[k] = -kInfinity, b.hi[k] = kInfinity;
         b.contents = from.contents < 24 ? 1u << from.contents : 0;
-        b.stops = stops(b.contents);
+        b.stops = blocks ? std::uint32_t{blocks->bits[i]} << 24 : stops_of_contents(b.contents);
         b.first_plane = static_cast<std::uint32_t>(out.planes.size());
         const auto add = [&](const double* normal, double distance, std::uint32_t side) {
             require(std::fabs(normal[0]) <= 1.001 && std::fabs(normal[1]) <= 1.001 && std::fabs(normal[2]) <= 1.001 &&

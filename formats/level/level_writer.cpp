@@ -281,6 +281,38 @@ Provenance provenance_of(const LevelContent& content) {
     return out;
 }
 
+// ---- Areas, occluders, water, bits
+
+template <class Row> std::uint32_t add_points(std::vector<Row>& points, const std::vector<Float3>& polygon) {
+    for (const Float3& p : polygon) points.push_back({{p[0], p[1], p[2]}});
+    return count(polygon.size());
+}
+AreaPortals area_portals_of(const LevelContent& content) {
+    AreaPortals out;
+    for (const AreaPortalInfo& p : content.area_portals) {
+        kiln_area_portal k{};
+        k.entity = p.entity, k.brush = p.brush;
+        copy(k.area, p.area);
+        k.point_count = add_points(out.points, p.polygon);
+        out.rows.push_back(k);
+    }
+    return out;
+}
+Occluders occluders_of(const LevelContent& content) {
+    Occluders out;
+    for (const OccluderInfo& o : content.occluders) {
+        out.rows.push_back({o.entity, o.area, 0, count(o.polygons.size())});
+        for (const auto& polygon : o.polygons) out.polygons.push_back({0, add_points(out.points, polygon)});
+    }
+    return out;
+}
+Waters waters_of(const LevelContent& content) {
+    Waters out;
+    for (const WaterInfo& w : content.waters) out.rows.push_back({w.contents, w.surface_z, w.min_z, w.has_surface, w.material});
+    out.of_leaf = content.leaf_water;
+    return out;
+}
+
 // ---- Mesh
 
 // The finest grid allowed, or the coarsest on which every position already lies: fewer bits, fewer bytes.
@@ -489,6 +521,15 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     file.add("ENTS", lump(entities_of(content), info));
     file.add("BEVL", lump(bevels_of(content), info));
     if (!options.strip) file.add("PROV", lump(provenance_of(content), info));
+    if (!content.area_portals.empty()) file.add("AREA", lump(area_portals_of(content), info));
+    if (!content.occluders.empty()) file.add("OCCL", lump(occluders_of(content), info));
+    if (!content.waters.empty()) file.add("WATR", lump(waters_of(content), info));
+    BrushBlocks blocks;
+    for (const Brush& b : content.brushes) blocks.bits.push_back(b.blocks);
+    if (!blocks.bits.empty()) file.add("BBLK", lump(blocks, info));
+    FaceShadows shadows;
+    for (const FaceInfo& f : content.faces) shadows.bits.push_back(f.no_dynamic_shadow);
+    if (std::ranges::find(shadows.bits, 1) != shadows.bits.end()) file.add("FSHD", lump(shadows, info));
     return file.finish();
 }
 

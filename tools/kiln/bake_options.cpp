@@ -140,6 +140,8 @@ std::vector<std::string> translate_known_words(int argc, char** argv, std::vecto
         {"-lights", {{"--lights"}, 1, false, nullptr}},
         {"-luxelscale", {{}, 1, true, "-luxelscale is not supported: use --luxel UNITS"}},
         {"-leaktest", {{}, 0, false, "-leaktest: a leak always ends the build (see --allow-leaks)"}},
+        {"-noleaktest", {{"--allow-leaks"}, 0, false, nullptr}},
+        {"-leakdist", {{}, 1, true, "-leakdist: points of a .pts are 4 units apart"}},
         {"-bounce", {{}, 1, true, "-bounce: all bounces are always solved"}},
         {"-extra", {{}, 0, false, "-extra: sampling follows --error"}},
         {"-extra4", {{}, 0, false, "-extra4: sampling follows --error"}},

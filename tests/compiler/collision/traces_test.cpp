@@ -512,13 +512,18 @@ TEST(Traces, ModelsAreWhereTheirOriginIs) {
 
 TEST(Traces, MasksChoose) {
     const Arena a(room_with([](WorldBuilder& w) {
-                      w.box({100, -512, 0}, {110, 512, 512}, Contents::clip);
-                      w.box({200, -512, 0}, {210, 512, 512}, Contents::grate);
-                      w.box({300, -512, 0}, {310, 512, 512}, Contents::window);
+                      const auto sheet = [&](double x, Contents contents, int blocks) {
+                          w.world.brushes[w.box({x, -512, 0}, {x + 10, 512, 512}, contents).at()].blocks = static_cast<std::uint8_t>(blocks);
+                      };
+                      sheet(50, Contents::clip, kBlocksNpcs);
+                      sheet(100, Contents::clip, kBlocksPlayers | kBlocksNpcs);
+                      sheet(200, Contents::grate, kBlocksPlayers | kBlocksNpcs);
+                      sheet(300, Contents::window, kBlocksAll & ~kBlocksSight);
                   }).world);
     const auto stop = [&](std::uint32_t mask) { return std::round(a.trace({0, 0, 100}, {1000, 0, 100}, {0, 0, 0}, mask).end[0]); };
     EXPECT_EQ(stop(KILN_MASK_PLAYERS), 100);
-    EXPECT_EQ(stop(KILN_MASK_HARD), 100);
+    EXPECT_EQ(stop(KILN_MASK_NPCS), 50);
+    EXPECT_EQ(stop(KILN_MASK_HARD), 50);
     EXPECT_EQ(stop(KILN_MASK_BULLETS), 300);
     EXPECT_EQ(stop(KILN_MASK_SIGHT), 512);
     EXPECT_EQ(stop(KILN_CONTENTS_GRATE), 200);

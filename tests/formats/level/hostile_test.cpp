@@ -310,7 +310,7 @@ TEST(LevelHostile, ALevelWithoutBevelsTracesRays) {
     LevelContent c = test::constant_room({1, 1, 1});
     test::add_brush(c);
     Forge old(write_level(c));
-    std::erase_if(old.lumps, [](const Forge::Lump& l) { return l.name() == "BEVL"; });
+    std::erase_if(old.lumps, [](const Forge::Lump& l) { return l.name() == "BEVL" || l.name() == "BBLK"; });
     const Bytes bytes = old.bytes();
     const Level level(bytes);
     kiln_trace trace{};
