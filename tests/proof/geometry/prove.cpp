@@ -1,7 +1,9 @@
 // Long proofs about the geometry, on whole maps and large random scenes. `prove --help`.
 #include "tests/proof/geometry/laws.h"
 #include "tests/proof/geometry/pipeline.h"
+#include "tests/proof/geometry/shape.h"
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -75,6 +77,31 @@ bool stages(const std::string& path) {
     return true;
 }
 
+// How many fragments are how narrow, and how thin the open leaves get.
+bool thin(const std::string& path) {
+    Context context;
+    const std::optional<World> world = load_world(path, context);
+    if (!world) return true;
+    RunOptions options;
+    options.bsp.fill = false, options.last = "bsp";
+    const Geometry g = run(*world, options);
+    if (g.fault) return true;
+    std::map<int, std::pair<std::size_t, double>> by_width;
+    for (const Fragment& f : g.csg.fragments) {
+        const std::vector<Vec3> p = points(g.csg.planes, f.polygon);
+        const double width = polygon_width(p, g.csg.planes.normal(f.polygon.support));
+        auto& [count, area] = by_width[width < 1.0 / 64 ? static_cast<int>(std::floor(std::log10(std::max(width, 1e-12)))) : 0];
+        ++count, area += polygon_area(p);
+    }
+    std::printf("%s: thinnest leaf %.3g; fragments", std::filesystem::path(path).filename().c_str(), thinnest_leaf(g.bsp));
+    for (const auto& [decade, sum] : by_width) {
+        if (decade == 0) std::printf(", wider %zu", sum.first);
+        else std::printf(", from 1e%d %zu (%.3g square units)", decade, sum.first, sum.second);
+    }
+    std::puts("");
+    return true;
+}
+
 } // namespace
 } // namespace kiln::proof
 
@@ -86,8 +113,10 @@ int main(int argc, char** argv) {
         for (int i = 3; i < argc; ++i) ok &= laws(argv[i], std::strtoull(argv[2], nullptr, 10));
     } else if (what == "stages") {
         for (int i = 2; i < argc; ++i) ok &= stages(argv[i]);
+    } else if (what == "thin") {
+        for (int i = 2; i < argc; ++i) ok &= thin(argv[i]);
     } else {
-        std::puts("usage: prove laws POINTS MAP...\n       prove stages MAP...");
+        std::puts("usage: prove laws POINTS MAP...\n       prove stages MAP...\n       prove thin MAP...");
         return 2;
     }
     return ok ? 0 : 1;
