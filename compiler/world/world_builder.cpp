@@ -1,4 +1,5 @@
 #include "compiler/world/contents.h"
+#include "compiler/world/curves.h"
 #include "compiler/world/entity_classes.h"
 #include "compiler/world/omitted_layers.h"
 #include "compiler/world/row_flags.h"
@@ -102,7 +103,7 @@ private:
     using MaterialKey = std::tuple<std::string, std::uint32_t, float, float>; // name, flags, emission, alpha
     std::map<MaterialKey, MaterialId> material_ids_;
     std::map<std::string, Counted, std::less<>> classes_;
-    Counted displacements_, patches_, mixed_, origin_in_world_, omitted_;
+    Counted skipped_, mixed_, origin_in_world_, omitted_, hidden_patches_;
     std::size_t omitted_brushes_ = 0;
 
     SourceLocation where(const DocEntity& e, const DocBrush& b) const {
@@ -155,9 +156,7 @@ private:
                             {document_.name_of(e.file), e.line, e.id});
         else
             classes_[lower_case(classname->value)].add({document_.name_of(e.file), e.line, e.id});
-        const auto patches = e.skipped_primitives + static_cast<std::uint32_t>(e.patches.size());
-        patches_.count += patches;
-        if (patches > 0 && patches_.first.file.empty()) patches_.first = {document_.name_of(e.file), e.line, e.id};
+        for (std::uint32_t i = 0; i < e.skipped_primitives; ++i) skipped_.add({document_.name_of(e.file), e.line, e.id});
 
         const BrushUse use = brush_use(e, index == 0, document_.format);
         const bool own_model = use == BrushUse::model || use == BrushUse::hidden_model;
@@ -172,6 +171,7 @@ private:
                     world_.brushes.back().model = out.model;
                 }
             }
+            for (const DocPatch& p : e.patches) add_patch(e, p, index, use, scale, out);
         }
         world_.entities.push_back(std::move(out));
     }
@@ -197,12 +197,9 @@ private:
                    WorldEntity& out) {
         std::vector<MaterialId> ids;
         std::vector<std::uint32_t> flags;
-        bool displaced = false;
         for (const DocSide& s : b.sides) {
             ids.push_back(intern(s, {document_.name_of(b.file), s.line, e.id, b.id, s.id}));
             flags.push_back(world_.materials[ids.back().at()].flags);
-            displaced = displaced || s.displacement >= 0;
-            if (s.displacement >= 0) displacements_.add({document_.name_of(b.file), s.line, e.id, b.id, s.id});
         }
         BrushKind kind = kind_of_brush(flags);
         if (kind.mixed) mixed_.add(where(e, b));
@@ -215,7 +212,7 @@ private:
             }
             return;
         }
-        apply(use, displaced, kind, e);
+        apply(use, kind, e);
 
         WorldBrush brush;
         brush.first_side = static_cast<std::uint32_t>(world_.sides.size());
@@ -239,16 +236,63 @@ private:
             side.points = s.points, side.material = ids[i], side.texture = s.texture, side.lightmap_scale = asked;
             side.smoothing_groups = s.smoothing_groups, side.line = s.line, side.id = s.id;
             side.editor_vertices = s.vertices;
-            if (s.displacement >= 0) {
-                side.displacement = static_cast<std::int32_t>(world_.displacements.size());
-                world_.displacements.push_back({id<SideId>(world_.sides.size()), document_.displacements[static_cast<std::size_t>(s.displacement)]});
-            }
+            if (s.displacement >= 0) add_displacement(e, b, s, use, side, brush);
             world_.sides.push_back(std::move(side));
         }
+        // Only its displaced sides are left of such a brush: it seals, splits and hides nothing.
+        if (brush.displaced) brush.contents = Contents::empty;
         world_.brushes.push_back(brush);
     }
 
-    static void apply(BrushUse use, bool displaced, BrushKind& kind, const DocEntity& e) {
+    // What cannot be built leaves its side as the flat side it was drawn on.
+    void add_displacement(const DocEntity& e, const DocBrush& b, const DocSide& s, BrushUse use, WorldSide& side, WorldBrush& brush) {
+        const DocDisplacement& grid = document_.displacements[static_cast<std::size_t>(s.displacement)];
+        const SourceLocation at{document_.name_of(b.file), grid.line > 0 ? grid.line : s.line, e.id, b.id, s.id};
+        if (const auto flaw = flaw_of(grid)) {
+            context_.report(Severity::error, "displacement-invalid",
+                            fmt::format("a displacement cannot be built: {}; its side stays flat", *flaw), at);
+            // The flat side must not seal what the displaced one would not have sealed.
+            if (brush.contents == Contents::solid && use != BrushUse::model) brush.contents = Contents::detail;
+            return;
+        }
+        if (use == BrushUse::model || use == BrushUse::hidden_model)
+            context_.report(Severity::warning, "displacement-on-entity",
+                            fmt::format("a brush of {} has a displacement: it moves with its entity here, the original tools refuse it",
+                                        e.get("classname")),
+                            at);
+        brush.displaced = true;
+        side.displacement = static_cast<std::int32_t>(world_.displacements.size());
+        world_.displacements.push_back({id<SideId>(world_.sides.size()), grid});
+    }
+
+    void add_patch(const DocEntity& e, const DocPatch& p, std::size_t entity, BrushUse use, double scale, WorldEntity& out) {
+        const SourceLocation at{document_.name_of(e.file), p.line, e.id, p.id};
+        if (const auto flaw = flaw_of(p)) {
+            context_.report(Severity::error, "patch-invalid", fmt::format("a patch cannot be built: {}; it is left out", *flaw), at);
+            return;
+        }
+        if (use == BrushUse::hidden_model || use == BrushUse::area_portal) {
+            hidden_patches_.add(at);
+            return;
+        }
+        DocSide row; // materials are known by name and by the numbers behind it
+        row.material = p.material, row.contents = p.contents, row.surface_flags = p.surface_flags, row.value = p.value;
+        row.has_content_flags = p.contents != 0 || p.surface_flags != 0 || p.value != 0;
+        WorldPatch patch;
+        patch.entity = id<EntityId>(entity);
+        patch.model = id<ModelId>(0);
+        if (use == BrushUse::model) {
+            if (!out.model.valid()) out.model = id<ModelId>(world_.model_count++);
+            patch.model = out.model;
+        }
+        patch.material = intern(row, at);
+        patch.lightmap_scale = scale;
+        patch.file = e.file;
+        patch.grid = p;
+        world_.patches.push_back(std::move(patch));
+    }
+
+    static void apply(BrushUse use, BrushKind& kind, const DocEntity& e) {
         const bool wall = kind.contents == Contents::solid || kind.contents == Contents::detail;
         switch (use) {
         case BrushUse::structural:
@@ -275,8 +319,6 @@ private:
         case BrushUse::dropped:
             break;
         }
-        // A displacement never seals. Until its surface is built, its brush stands in for it as it is.
-        if (displaced && kind.contents == Contents::solid) kind.contents = Contents::detail;
     }
 
     static bool casts_shadow(const DocEntity& e, BrushUse use) {
@@ -294,10 +336,9 @@ private:
         for (const NotHandled& kind : not_handled_classes())
             if (const auto it = classes_.find(kind.classname); it != classes_.end())
                 tell(it->second, kind.severity, kind.code, kind.message);
-        tell(displacements_, Severity::warning, "not-handled-displacement",
-             "{} displacements are not built yet: their brushes stand flat, as detail that seals nothing");
-        tell(patches_, Severity::warning, "not-handled-patch",
-             "{} patches or primitive brushes are not read yet and left out");
+        tell(skipped_, Severity::warning, "not-handled-primitive", "{} primitives could not be read and are left out");
+        tell(hidden_patches_, Severity::note, "patch-without-use",
+             "{} patches belong to triggers or other volumes that are not drawn: they bound nothing and are left out");
         tell(mixed_, Severity::warning, "mixed-contents",
              "{} brushes have liquid sides beside solid ones; they are solid");
         if (omitted_.count > 0)

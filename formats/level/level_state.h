@@ -86,6 +86,10 @@ struct kiln_level {
     mutable Lazy<kiln::level::ProbeTable> probes;
     mutable Lazy<kiln::level::Entities> entities;
     mutable Lazy<kiln::level::Provenance> provenance;
+    mutable Lazy<kiln::level::CurveCorners> curve_corners;
+    mutable Lazy<kiln::level::Displacements> displacements;
+    mutable Lazy<kiln::level::CurvedPatches> curved_patches;
+    mutable Lazy<kiln::level::CurveSources> curve_sources;
     std::unique_ptr<Lazy<kiln::level::Blob>[]> blobs; // per entry: LMPG, LMQA, PRBT
 
     // Null where the part is missing or damaged.
@@ -107,6 +111,10 @@ struct kiln_level {
     const kiln::level::ProbeTable* get_probes() const;
     const kiln::level::Entities* get_entities() const;
     const kiln::level::Provenance* get_provenance() const;
+    const kiln::level::CurveCorners* get_curve_corners() const;
+    const kiln::level::Displacements* get_displacements() const;
+    const kiln::level::CurvedPatches* get_curved_patches() const;
+    const kiln::level::CurveSources* get_curve_sources() const;
     const kiln::level::Blob* get_page(std::uint32_t page) const;    // run-time texels
     const kiln::level::Blob* get_quality(std::uint32_t page) const; // validity, then error codes
     const kiln::level::Blob* get_probe(std::uint32_t probe) const;

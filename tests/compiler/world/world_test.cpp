@@ -203,7 +203,7 @@ TEST(World, WhatIsNotHandledIsToldOnceAKind) {
     EXPECT_EQ(first(c, "not-handled-decal")->where.entity, 2);
 }
 
-TEST(World, DisplacementsStandInAsDetail) {
+TEST(World, WhatCannotBeDisplacedStaysFlatAndSealsNothing) {
     const std::string side = "side { \"id\" \"1\" \"plane\" \"(0 0 0) (0 64 0) (64 0 0)\" \"material\" \"wall\" "
                              "\"lightmapscale\" \"32\" dispinfo { } }\n";
     const std::string map = "world { \"id\" \"1\" \"classname\" \"worldspawn\" solid { \"id\" \"2\" " + side +
@@ -219,9 +219,11 @@ TEST(World, DisplacementsStandInAsDetail) {
     ASSERT_TRUE(w);
     EXPECT_EQ(w->brushes[0].contents, Contents::detail);
     EXPECT_EQ(w->sides[0].lightmap_scale, 32);
-    EXPECT_EQ(w->sides[0].displacement, 0);
-    EXPECT_EQ(count(c, "not-handled-displacement"), 1u);
-    EXPECT_TRUE(first(c, "not-handled-displacement")->message.starts_with("2 displacements"));
+    EXPECT_EQ(w->sides[0].displacement, -1);
+    EXPECT_FALSE(w->brushes[0].displaced);
+    EXPECT_TRUE(w->displacements.empty());
+    EXPECT_EQ(count(c, "displacement-invalid"), 2u);
+    EXPECT_EQ(first(c, "displacement-invalid")->where.side, 1);
     EXPECT_EQ(count(c, "origin-invalid"), 1u);
     EXPECT_FALSE(w->entities[1].has_origin);
 }
