@@ -21,8 +21,22 @@ Hash geometry_key(const World& world) {
         w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws, b.collides, b.blocks, b.displaced);
     for (const WorldBrush& b : world.brushes)
         if (b.contents == Contents::occluder || b.contents == Contents::vis_cluster) w(b.entity); // those of one entity act together
-    w(world.displacements, world.patches, world.overlays);
+    w(world.overlays);
     w(world.materials, world.format, world.model_count);
+    return hash_bytes(w.bytes);
+}
+// The grids of displacements and patches, which only surfaces are made from; not where they stand.
+Hash curves_key(const World& world) {
+    ByteWriter w;
+    for (const WorldDisplacement& d : world.displacements) {
+        const DocDisplacement& g = d.grid;
+        w(d.side, g.power, g.start, g.elevation, g.normals, g.offsets, g.distances, g.alphas);
+    }
+    for (const WorldPatch& p : world.patches) {
+        const DocPatch& g = p.grid;
+        w(p.model, p.material, p.lightmap_scale, g.columns, g.rows, g.points, g.uv, g.subdivisions);
+        for (const char* key : {"_shadow", "vrad_brush_cast_shadows"}) w(std::string(world.entities[p.entity.at()].get(key)));
+    }
     return hash_bytes(w.bytes);
 }
 // Where in the text brushes and sides stand: only diagnostics show it.
@@ -30,6 +44,8 @@ Hash places_key(const World& world) {
     ByteWriter w;
     w(world.file, world.included);
     for (const WorldSide& s : world.sides) w(s.line, s.id);
+    for (const WorldDisplacement& d : world.displacements) w(d.grid.line);
+    for (const WorldPatch& p : world.patches) w(p.grid.line, p.grid.id, p.file);
     for (const WorldBrush& b : world.brushes) {
         const WorldEntity& e = world.entities[b.entity.at()];
         w(b.line, b.id, b.file, e.line, e.id);
@@ -160,7 +176,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.portals = vis_portals(out.bsp);
     if (done(Stage::bsp)) return true;
 
-    const auto surfaces = stages.run(Stage::surfaces, 2, all(*bsp, *csg, geometry, smoothing_key(world), options.surfaces), places, out.surfaces,
+    const auto surfaces = stages.run(Stage::surfaces, 2, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;
@@ -174,7 +190,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
     const Hash lit = all(*surfaces, *bsp, hash_of(world.materials), lights_key(out.lights));
-    const auto light = stages.run(Stage::light, 1, all(lit, options.light), places, out.lighting,
+    const auto light = stages.run(Stage::light, 2, all(lit, options.light), places, out.lighting,
                                   [&] { return bake_light(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options.light, context); });
     if (!light) return light.fault();
     if (done(Stage::light)) return true;
@@ -214,7 +230,7 @@ std::string options_json(const CompileOptions& o) {
         {"csg", {{"plane_merge_distance", o.csg.plane_merge_distance}, {"grid_bits", o.csg.grid_bits}}},
         {"bsp", {{"allow_leaks", o.bsp.allow_leaks}, {"micro_gap", o.bsp.micro_gap}}},
         {"visibility", {{"fast", o.visibility.fast}, {"epsilon", o.visibility.epsilon}, {"step_budget", o.visibility.step_budget}}},
-        {"surfaces", {{"smoothing_angle_deg", o.surfaces.smoothing_angle_deg}, {"most_texels", o.surfaces.most_texels}}},
+        {"surfaces", {{"smoothing_angle_deg", o.surfaces.smoothing_angle_deg}, {"most_texels", o.surfaces.most_texels}, {"curve_flatness", o.surfaces.curve_flatness}}},
         {"light",
          {{"error_percent", o.light.error_percent}, {"encoding", kEncodings[static_cast<int>(o.light.encoding)]},
           {"directional", kDirectional[static_cast<int>(o.light.directional)]}, {"error_floor", o.light.error_floor}, {"seed", o.light.seed}}},

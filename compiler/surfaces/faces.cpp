@@ -106,7 +106,7 @@ std::vector<Group> collect(const World& world, const Csg& csg, const Bsp& bsp, V
     for (std::size_t b = 0; b < csg.brushes.size(); ++b) {
         const WorldBrush& brush = world.brushes[b];
         const BrushPolytope& polytope = csg.brushes[b];
-        if (!polytope.valid || fills(brush.contents)) continue;
+        if (!polytope.valid || brush.displaced || fills(brush.contents)) continue;
         for (std::size_t i = 0; i < polytope.faces.size(); ++i)
             if (world.materials[world.sides[polytope.sides[i].at()].material.at()].flags & kLightBlocker)
                 add(brush.model, polytope.sides[i], id<BrushId>(b), brush.contents, polytope.faces[i], {});

@@ -14,6 +14,8 @@ struct FaceDraft {
     bool lit = false;                // gets luxels
     std::uint32_t smoothing_groups = 0;
     double phong_angle_deg = 0;      // 0: not by angle
+    // Faces of curves have no loops: what is seen of them, in convex polygons that overlap nowhere, luxel coordinates.
+    std::vector<std::vector<Vec2>> seen;
 };
 
 std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,

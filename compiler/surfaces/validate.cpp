@@ -99,10 +99,55 @@ void check_luxels(const Surfaces& s) {
     for (std::size_t c = 0; c < s.charts.size(); ++c) {
         const Chart& chart = s.charts[c];
         double area = 0;
-        for (const FaceId f : chart.faces) area += s.faces[f.at()].area;
         const double squared = chart.luxel_size * chart.luxel_size, reach = chart.width + chart.height;
+        if (chart.curved()) continue; // check_curves
+        for (const FaceId f : chart.faces) area += s.faces[f.at()].area;
         KILN_CHECK_OP(std::abs(covered[c] * squared - area), <=, 1e-6 * area + 1e-7 * squared * reach);
     }
+}
+
+void check_curves(const Surfaces& s) {
+    std::size_t next = std::min<std::size_t>(s.first_curved_face, s.faces.size()), corner = 0;
+    for (std::size_t f = 0; f < next; ++f) KILN_CHECK(!s.faces[f].curved() && s.faces[f].plane.valid());
+    KILN_CHECK_OP(s.luxel_maps.size(), ==, s.faces.size() - next);
+    std::vector<double> covered(s.faces.size(), 0.0); // map units squared
+    for (const LuxelPiece& piece : s.pieces) {
+        if (!s.faces[piece.face.at()].curved()) continue;
+        double area = 0;
+        const Vec2 p0 = s.piece_points[piece.first_point];
+        for (std::uint32_t k = 1; k + 1 < piece.point_count; ++k)
+            area += 0.5 * cross(s.piece_points[piece.first_point + k] - p0, s.piece_points[piece.first_point + k + 1] - p0);
+        covered[piece.face.at()] += area * luxel_area(s, piece.face);
+    }
+    for (std::size_t c = 0; c < s.curves.size(); ++c) {
+        const Curve& curve = s.curves[c];
+        KILN_CHECK_OP(curve.first_face, ==, next);
+        KILN_CHECK_OP(curve.grid.size(), ==, std::size_t{curve.columns} * curve.rows);
+        KILN_CHECK_OP(curve.uv.size(), ==, curve.grid.size());
+        for (const std::uint32_t p : curve.grid) KILN_CHECK_OP(p, <, s.positions.size());
+        next += curve.face_count;
+        for (std::size_t f = curve.first_face; f < next; ++f) {
+            const Face& face = s.faces[f];
+            KILN_CHECK_OP(face.curve, ==, c);
+            KILN_CHECK(!face.hull && !face.plane.valid());
+            if (face.chart.valid()) KILN_CHECK_OP(s.charts[face.chart.at()].curve, ==, c);
+            for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t, ++corner) {
+                const auto& corners = s.curve_corners.at(corner);
+                if (!face.chart.valid()) continue;
+                const Chart& chart = s.charts[face.chart.at()];
+                for (std::size_t k = 0; k < 3; ++k) {
+                    const Vec3 p = s.positions[s.triangles[t][k]];
+                    const Vec2 l = corners[k].luxel;
+                    constexpr double kRounding = 1e-6; // map units, luxels: the map is of doubles
+                    KILN_CHECK(l.x > 1 - kRounding && l.y > 1 - kRounding && l.x < chart.width - 1 + kRounding && l.y < chart.height - 1 + kRounding);
+                    KILN_CHECK_OP(length(world_from_luxel(s, id<FaceId>(f), l) - p), <, kRounding);
+                }
+            }
+            KILN_CHECK_OP(covered[f], <=, face.area * (1 + 1e-5) + 1e-6);
+        }
+    }
+    KILN_CHECK_OP(next, ==, s.faces.size());
+    KILN_CHECK_OP(corner, ==, s.curve_corners.size());
 }
 
 } // namespace
@@ -111,6 +156,23 @@ void validate(const Surfaces& surfaces) {
     check_faces(surfaces);
     check_charts(surfaces);
     check_luxels(surfaces);
+    check_curves(surfaces);
+}
+
+std::size_t unmatched_curve_edges(const Surfaces& s, ModelId model, Curve::Kind kind) {
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> forward, backward, open;
+    for (std::size_t t = 0; t < s.triangles.size(); ++t) {
+        const Face& face = s.faces[s.triangle_face[t].at()];
+        if (!face.curved() || face.model != model || s.curves[face.curve].kind != kind) continue;
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::uint32_t a = s.triangles[t][c], b = s.triangles[t][(c + 1) % 3];
+            forward.emplace_back(a, b), backward.emplace_back(b, a);
+        }
+    }
+    std::ranges::sort(forward);
+    std::ranges::sort(backward);
+    std::ranges::set_difference(forward, backward, std::back_inserter(open));
+    return open.size();
 }
 
 std::size_t unmatched_hull_edges(const Surfaces& s, ModelId model) {

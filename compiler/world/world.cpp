@@ -35,6 +35,10 @@ SourceLocation World::location(SideId side) const {
     return where;
 }
 
+SourceLocation World::location(const WorldPatch& patch) const {
+    return {name_of(patch.file), patch.grid.line, entities[patch.entity.at()].id, patch.grid.id};
+}
+
 void validate(const World& world) {
     KILN_CHECK(!world.entities.empty());
     KILN_CHECK(!world.entities[0].model.valid() || world.entities[0].model.value == 0);
@@ -45,7 +49,7 @@ void validate(const World& world) {
         next_side += b.side_count;
         KILN_CHECK_OP(b.model.value, <, world.model_count);
         KILN_CHECK_OP(b.entity.at(), <, world.entities.size());
-        KILN_CHECK(b.contents != Contents::empty);
+        KILN_CHECK((b.contents == Contents::empty) == b.displaced);
         KILN_CHECK(!b.model.value || world.entities[b.entity.at()].model == b.model);
     }
     KILN_CHECK_OP(next_side, ==, world.sides.size());
@@ -53,6 +57,14 @@ void validate(const World& world) {
         KILN_CHECK_OP(s.material.at(), <, world.materials.size());
         KILN_CHECK(s.lightmap_scale > 0);
         KILN_CHECK(s.texture.u_scale != 0 && s.texture.v_scale != 0);
+    }
+    for (std::size_t d = 0; d < world.displacements.size(); ++d)
+        KILN_CHECK_OP(world.sides.at(world.displacements[d].side.at()).displacement, ==, static_cast<std::int32_t>(d));
+    for (const WorldPatch& p : world.patches) {
+        KILN_CHECK_OP(p.material.at(), <, world.materials.size());
+        KILN_CHECK_OP(p.entity.at(), <, world.entities.size());
+        KILN_CHECK_OP(p.model.value, <, world.model_count);
+        KILN_CHECK_OP(p.grid.points.size(), ==, std::size_t{p.grid.columns} * p.grid.rows);
     }
     std::uint32_t models = 1;
     for (std::size_t e = 1; e < world.entities.size(); ++e)

@@ -1,5 +1,6 @@
 #include "compiler/world/brush_box.h"
 #include "compiler/world/contents.h"
+#include "compiler/world/curves.h"
 #include "compiler/world/entity_classes.h"
 #include "compiler/world/omitted_layers.h"
 #include "compiler/world/regions.h"
@@ -84,7 +85,7 @@ private:
     using MaterialKey = std::tuple<std::string, std::uint32_t, float, float>; // name, flags, emission, alpha
     std::map<MaterialKey, MaterialId> material_ids_;
     std::map<std::string, Counted, std::less<>> classes_;
-    Counted displacements_, patches_, mixed_, origin_in_world_, omitted_, unknown_bits_, outside_region_;
+    Counted skipped_, mixed_, origin_in_world_, omitted_, hidden_patches_, unknown_bits_, outside_region_;
     std::size_t omitted_brushes_ = 0, brushes_outside_region_ = 0;
     UnknownBits unknown_;
     Regions regions_;
@@ -172,9 +173,7 @@ private:
                             {document_.name_of(e.file), e.line, e.id});
         else
             classes_[lower_case(classname->value)].add({document_.name_of(e.file), e.line, e.id});
-        const auto patches = e.skipped_primitives + static_cast<std::uint32_t>(e.patches.size());
-        patches_.count += patches;
-        if (patches > 0 && patches_.first.file.empty()) patches_.first = {document_.name_of(e.file), e.line, e.id};
+        for (std::uint32_t i = 0; i < e.skipped_primitives; ++i) skipped_.add({document_.name_of(e.file), e.line, e.id});
 
         const BrushUse use = brush_use(e, index == 0, document_.format);
         const bool own_model = use == BrushUse::model || use == BrushUse::hidden_model || use == BrushUse::water;
@@ -194,6 +193,7 @@ private:
                     world_.brushes.back().model = out.model;
                 }
             }
+            for (const DocPatch& p : e.patches) add_patch(e, p, index, use, scale, out);
             if (index == 0)
                 for (const DocBrush& wall : regions_.walls) add_brush(e, wall, index, use, scale, out);
             if (use == BrushUse::ladder) become_info_ladder(e, out);
@@ -274,15 +274,12 @@ private:
         std::vector<MaterialId>& ids = brush_materials_;
         std::vector<std::uint32_t>& flags = brush_flags_;
         ids.clear(), flags.clear();
-        bool displaced = false;
         for (const DocSide& s : b.sides) {
             ids.push_back(material_of(e, b, s));
             flags.push_back(world_.materials[ids.back().at()].flags);
             const UnknownBits unknown = unknown_row_bits(s, document_.format, quake3_);
             if (unknown.contents || unknown.surface) unknown_bits_.add({document_.name_of(b.file), s.line, e.id, b.id, s.id});
             unknown_.contents |= unknown.contents, unknown_.surface |= unknown.surface;
-            displaced = displaced || s.displacement >= 0;
-            if (s.displacement >= 0) displacements_.add({document_.name_of(b.file), s.line, e.id, b.id, s.id});
         }
         BrushKind kind = kind_of_brush(flags, document_.format);
         if (kind.mixed) mixed_.add(where(e, b));
@@ -295,7 +292,7 @@ private:
             }
             return;
         }
-        apply(use, displaced, kind, e);
+        apply(use, kind, e);
 
         WorldBrush brush;
         brush.first_side = static_cast<std::uint32_t>(world_.sides.size());
@@ -326,15 +323,62 @@ private:
                 side.texture.in_repeats = false;
             }
             side.editor_vertices = s.vertices;
-            if (s.displacement >= 0) {
-                side.displacement = static_cast<std::int32_t>(world_.displacements.size());
-                world_.displacements.push_back({id<SideId>(index), document_.displacements[static_cast<std::size_t>(s.displacement)]});
-            }
+            if (s.displacement >= 0) add_displacement(e, b, s, use, index, brush);
         }
+        // Only its displaced sides are left of such a brush: it seals, splits and hides nothing.
+        if (brush.displaced) brush.contents = Contents::empty;
         world_.brushes.push_back(brush);
     }
 
-    void apply(BrushUse use, bool displaced, BrushKind& kind, const DocEntity& e) const {
+    // What cannot be built leaves its side as the flat side it was drawn on.
+    void add_displacement(const DocEntity& e, const DocBrush& b, const DocSide& s, BrushUse use, std::size_t side_index, WorldBrush& brush) {
+        const DocDisplacement& grid = document_.displacements[static_cast<std::size_t>(s.displacement)];
+        const SourceLocation at{document_.name_of(b.file), grid.line > 0 ? grid.line : s.line, e.id, b.id, s.id};
+        if (const auto flaw = flaw_of(grid)) {
+            if (grid.power != 0) context_.report(Severity::error, "displacement-invalid",
+                            fmt::format("a displacement cannot be built: {}; its side stays flat", *flaw), at);
+            // The flat side must not seal what the displaced one would not have sealed.
+            if (brush.contents == Contents::solid && use != BrushUse::model) brush.contents = Contents::detail;
+            return;
+        }
+        if (use == BrushUse::model || use == BrushUse::hidden_model)
+            context_.report(Severity::warning, "displacement-on-entity",
+                            fmt::format("a brush of {} has a displacement: it moves with its entity here, the original tools refuse it",
+                                        e.get("classname")),
+                            at);
+        brush.displaced = true;
+        world_.sides[side_index].displacement = static_cast<std::int32_t>(world_.displacements.size());
+        world_.displacements.push_back({id<SideId>(side_index), grid});
+    }
+
+    void add_patch(const DocEntity& e, const DocPatch& p, std::size_t entity, BrushUse use, double scale, WorldEntity& out) {
+        const SourceLocation at{document_.name_of(e.file), p.line, e.id, p.id};
+        if (const auto flaw = flaw_of(p)) {
+            context_.report(Severity::error, "patch-invalid", fmt::format("a patch cannot be built: {}; it is left out", *flaw), at);
+            return;
+        }
+        if (use == BrushUse::hidden_model || use == BrushUse::area_portal) {
+            hidden_patches_.add(at);
+            return;
+        }
+        DocSide row; // materials are known by name and by the numbers behind it
+        row.material = p.material, row.contents = p.contents, row.surface_flags = p.surface_flags, row.value = p.value;
+        row.has_content_flags = p.contents != 0 || p.surface_flags != 0 || p.value != 0;
+        WorldPatch patch;
+        patch.entity = id<EntityId>(entity);
+        patch.model = id<ModelId>(0);
+        if (use == BrushUse::model) {
+            if (!out.model.valid()) out.model = id<ModelId>(world_.model_count++);
+            patch.model = out.model;
+        }
+        patch.material = intern(row, at);
+        patch.lightmap_scale = scale;
+        patch.file = e.file;
+        patch.grid = p;
+        world_.patches.push_back(std::move(patch));
+    }
+
+    void apply(BrushUse use, BrushKind& kind, const DocEntity& e) const {
         const bool wall = kind.contents == Contents::solid || kind.contents == Contents::detail;
         const auto become = [&](Contents c) {
             kind.contents = c;
@@ -381,8 +425,6 @@ private:
             mark(Contents::trigger);
             break;
         }
-        // A displacement never seals. Until its surface is built, its brush stands in for it as it is.
-        if (displaced && kind.contents == Contents::solid) kind.contents = Contents::detail;
     }
 
     // The brush that a func_areaportalwindow fades over its portal is seen through while it fades.
@@ -406,10 +448,9 @@ private:
         for (const NotHandled& kind : not_handled_classes())
             if (const auto it = classes_.find(kind.classname); it != classes_.end())
                 tell(it->second, kind.severity, kind.code, kind.message);
-        tell(displacements_, Severity::warning, "not-handled-displacement",
-             "{} displacements are not built yet: their brushes stand flat, as detail that seals nothing");
-        tell(patches_, Severity::warning, "not-handled-patch",
-             "{} patches or primitive brushes are not read yet and left out");
+        tell(skipped_, Severity::warning, "not-handled-primitive", "{} primitives could not be read and are left out");
+        tell(hidden_patches_, Severity::note, "patch-without-use",
+             "{} patches belong to triggers or other volumes that are not drawn: they bound nothing and are left out");
         tell(mixed_, Severity::warning, "mixed-contents",
              "{} brushes have liquid sides beside solid ones; they are solid");
         if (omitted_.count > 0)

@@ -114,7 +114,10 @@ typedef struct kiln_material {
     uint32_t width, height;            /* texels, for texture coordinates */
 } kiln_material;
 
-enum { KILN_FACE_DRAWN = 1, KILN_FACE_SKY = 2, KILN_FACE_TWO_SIDED = 4, KILN_FACE_BLOCKS_LIGHT = 8 };
+/* A curved face (a displacement, a patch) is a grid of triangles in many planes: its normal and tangents are those on
+ * the whole, its plane is that of its base side (of a patch: none of its own), its texture axes and its chart's axes hold
+ * nowhere exactly. kiln_level_curve_corners says what holds at the corners of its triangles. */
+enum { KILN_FACE_DRAWN = 1, KILN_FACE_SKY = 2, KILN_FACE_TWO_SIDED = 4, KILN_FACE_BLOCKS_LIGHT = 8, KILN_FACE_CURVED = 16 };
 typedef struct kiln_face {
     uint32_t material, model, plane;
     uint32_t chart, probe;                    /* KILN_NO_INDEX: none */
@@ -124,7 +127,8 @@ typedef struct kiln_face {
     double u_axis[3], v_axis[3], u_scale, v_scale, u_shift, v_shift; /* texel = dot(x, axis) / scale + shift */
 } kiln_face;
 typedef struct kiln_chart { /* a luxel grid; texel (i,j) is centred at luxel coordinate (i + .5, j + .5) */
-    double origin[3], s[3], t[3]; /* luxel coordinates of x: dot(x - origin, s) / luxel_size, the same with t */
+    double origin[3], s[3], t[3]; /* luxel coordinates of x: dot(x - origin, s) / luxel_size, the same with t;
+                                     not of curved faces */
     float luxel_size;             /* map units */
     uint32_t width, height;       /* texels, gutter included */
     uint32_t directional;         /* 1: three layers; 0: irradiance for the flat normal only */
@@ -133,6 +137,32 @@ typedef struct kiln_chart { /* a luxel grid; texel (i,j) is centred at luxel coo
     float tangent[3], bitangent[3], normal[3]; /* RNM frame */
     float error;                  /* estimated relative error of the bake, 0: unknown */
 } kiln_chart;
+
+typedef struct kiln_curve_corner { /* of a triangle of a curved face; linear in between */
+    float luxel[2];                /* luxel coordinates in the face's chart */
+    float uv[2];                   /* texture coordinates (1 = one repetition, v down) */
+    float alpha;                   /* 0..1, of a displacement's blend */
+} kiln_curve_corner;
+/* A displacement: (2^power + 1)^2 vertices, row by row from the base corner 0; in a row towards base corner 1, rows
+ * towards base corner 3 (counter-clockwise seen from the front). Quad (row, column) is two triangles; the diagonal joins
+ * the corners whose row + column is even. Neighbours share border vertices to the last bit where they are as fine; a
+ * finer one has further vertices on the edges of the coarser one. Its brush is not among the brushes: this grid is what
+ * things collide with. */
+typedef struct kiln_displacement {
+    uint32_t face;                  /* KILN_NO_INDEX: not drawn */
+    uint32_t model, material, plane; /* plane: of the base side */
+    uint32_t power;                 /* 2..4 */
+    uint32_t flags;                 /* of the map: 2 no physics, 4 no hull collision, 8 no ray collision */
+    double base[12];                /* four corners */
+    uint32_t first_vertex, vertex_count; /* into kiln_level_displacement_vertices */
+    uint32_t first_blend, blend_count;   /* into kiln_level_displacement_blends; as many as vertices or none */
+    uint32_t first_tag, tag_count;       /* into kiln_level_displacement_tags; 2 * 4^power or none */
+} kiln_displacement;
+typedef struct kiln_curved_patch { /* columns * rows vertices, row by row; cross(along a row, from row to row): front */
+    uint32_t face;                 /* KILN_NO_INDEX: not drawn */
+    uint32_t model, material, columns, rows;
+    uint32_t first_vertex, vertex_count; /* into kiln_level_patch_vertices */
+} kiln_curved_patch;
 
 const kiln_plane* kiln_level_planes(const kiln_level* level, size_t* count);
 const kiln_node* kiln_level_nodes(const kiln_level* level, size_t* count);
@@ -186,6 +216,18 @@ enum { KILN_BLOCKS_PLAYERS = 1, KILN_BLOCKS_NPCS = 2, KILN_BLOCKS_BULLETS = 4, K
 const uint8_t* kiln_level_brush_blocks(const kiln_level* level, size_t* count);
 /* Per face, 1: shadows of moving things do not fall on it. NULL: on no face so. */
 const uint8_t* kiln_level_face_no_dynamic_shadow(const kiln_level* level, size_t* count);
+/* Displacements and patches; NULL with a count of 0 where the level has none. */
+const kiln_displacement* kiln_level_displacements(const kiln_level* level, size_t* count);
+const float* kiln_level_displacement_vertices(const kiln_level* level, size_t* count);  /* x y z alpha each */
+const float* kiln_level_displacement_blends(const kiln_level* level, size_t* count);    /* four weights each */
+const uint16_t* kiln_level_displacement_tags(const kiln_level* level, size_t* count);
+const kiln_curved_patch* kiln_level_curved_patches(const kiln_level* level, size_t* count);
+const float* kiln_level_patch_vertices(const kiln_level* level, size_t* count); /* x y z u v each */
+/* Corners of the triangles of a curved face, three each; NULL: the face is not curved, or they are missing. */
+const kiln_curve_corner* kiln_level_curve_corners(const kiln_level* level, uint32_t face, size_t* triangle_count);
+/* Which triangle of a face a point lies on, with the weights of its corners (they sum to 1): of a curved face the
+ * nearest one (all are looked at), else the one it is least outside of. KILN_NO_INDEX: none has area. */
+uint32_t kiln_level_triangle_at(const kiln_level* level, uint32_t face, const double point[3], double weights[3]);
 
 /* Which leaf holds a point (on a plane: the front one); KILN_NO_INDEX where there is no tree. */
 uint32_t kiln_level_find_leaf(const kiln_level* level, const double point[3]);
@@ -202,6 +244,9 @@ kiln_status kiln_level_shading_normal(const kiln_level* level, uint32_t face, co
 /* Tangent frame (t, b, n) of a face around a shading normal: Gram-Schmidt of the face's own, mirroring kept. */
 kiln_status kiln_level_tangent_frame(const kiln_level* level, uint32_t face, const float shading_normal[3],
                                      float t[3], float b[3], float n[3]);
+/* The same at a point: on curved faces the tangents are those of the triangle there, along its texture coordinates. */
+kiln_status kiln_level_tangent_frame_at(const kiln_level* level, uint32_t face, const double point[3],
+                                        const float shading_normal[3], float t[3], float b[3], float n[3]);
 
 /* ---- Collision -------------------------------------------------------------------------------------------- */
 
@@ -312,6 +357,10 @@ kiln_status kiln_level_eval_rnm_local(const kiln_level* level, uint32_t face, co
 /* The same at luxel coordinates of a chart. */
 kiln_status kiln_level_eval_rnm_luxel(const kiln_level* level, uint32_t chart, double s, double t,
                                       const float local_normal[3], float rgb[3]);
+/* Irradiance for the flat normal at luxel coordinates of a chart. */
+kiln_status kiln_level_eval_flat_luxel(const kiln_level* level, uint32_t chart, double s, double t, float rgb[3]);
+/* Luxel coordinates of a point on a face. KILN_NONE: the face has no lightmap. */
+kiln_status kiln_level_luxel_at(const kiln_level* level, uint32_t face, const double point[3], double st[2]);
 /* The formula alone: three stored vectors and a unit normal in the tangent frame. */
 void kiln_rnm_formula(kiln_rnm_encoding encoding, const float stored[3][3], const float local_normal[3],
                       float rgb[3]);
@@ -402,6 +451,8 @@ typedef struct kiln_source { int32_t entity, brush, side, line; } kiln_source; /
 kiln_status kiln_level_face_source(const kiln_level* level, uint32_t face, kiln_source* source);
 kiln_status kiln_level_brush_source(const kiln_level* level, uint32_t brush, kiln_source* source);
 kiln_status kiln_level_brush_side_source(const kiln_level* level, uint32_t brush_plane, int32_t* side);
+kiln_status kiln_level_displacement_source(const kiln_level* level, uint32_t displacement, kiln_source* source);
+kiln_status kiln_level_patch_source(const kiln_level* level, uint32_t patch, kiln_source* source); /* brush: its id */
 kiln_status kiln_level_entity_source(const kiln_level* level, uint32_t entity, kiln_source* source);
 kiln_status kiln_level_light_source(const kiln_level* level, uint32_t light, kiln_source* source);
 

@@ -137,7 +137,26 @@ KILN_TABLE(Occluders, occluders, "OCCL")
 KILN_TABLE(Waters, waters, "WATR")
 KILN_TABLE(BrushBlocks, brush_blocks, "BBLK")
 KILN_TABLE(FaceShadows, face_shadows, "FSHD")
+KILN_TABLE(Displacements, displacements, "DISP")
+KILN_TABLE(CurvedPatches, curved_patches, "CURV")
+KILN_TABLE(CurveSources, curve_sources, "PRVC")
 #undef KILN_TABLE
+
+const CurveCorners* kiln_level::get_curve_corners() const {
+    return curve_corners.get([&](CurveCorners& table) {
+        const Faces* owners = get_faces();
+        if (!owners) throw Failure{faces.status(), faces.what()};
+        load(*this, fourcc("CRNR"), table);
+        table.first.assign(owners->rows.size(), KILN_NO_INDEX);
+        std::uint64_t next = 0;
+        for (std::size_t f = 0; f < owners->rows.size(); ++f) {
+            if (!(owners->rows[f].flags & KILN_FACE_CURVED)) continue;
+            table.first[f] = static_cast<std::uint32_t>(std::min<std::uint64_t>(next, KILN_NO_INDEX));
+            next += std::uint64_t{3} * owners->rows[f].triangle_count;
+        }
+        require(next == table.rows.size(), "curved faces have another number of corners than there are");
+    });
+}
 
 const std::string* kiln_level::get_meta() const {
     return meta.get([&](std::string& text) {
@@ -377,6 +396,10 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("WATR"): return tell(level->waters, level->get_waters());
         case fourcc("BBLK"): return tell(level->brush_blocks, level->get_brush_blocks());
         case fourcc("FSHD"): return tell(level->face_shadows, level->get_face_shadows());
+        case fourcc("CRNR"): return tell(level->curve_corners, level->get_curve_corners());
+        case fourcc("DISP"): return tell(level->displacements, level->get_displacements());
+        case fourcc("CURV"): return tell(level->curved_patches, level->get_curved_patches());
+        case fourcc("PRVC"): return tell(level->curve_sources, level->get_curve_sources());
         default: break;
         }
     }

@@ -94,6 +94,10 @@ struct kiln_level {
     mutable Lazy<kiln::level::Waters> waters;
     mutable Lazy<kiln::level::BrushBlocks> brush_blocks;
     mutable Lazy<kiln::level::FaceShadows> face_shadows;
+    mutable Lazy<kiln::level::CurveCorners> curve_corners;
+    mutable Lazy<kiln::level::Displacements> displacements;
+    mutable Lazy<kiln::level::CurvedPatches> curved_patches;
+    mutable Lazy<kiln::level::CurveSources> curve_sources;
     std::unique_ptr<Lazy<kiln::level::Blob>[]> blobs; // per entry: LMPG, LMQA, PRBT
 
     // Null where the part is missing or damaged.
@@ -122,6 +126,10 @@ struct kiln_level {
     const kiln::level::Waters* get_waters() const;
     const kiln::level::BrushBlocks* get_brush_blocks() const;
     const kiln::level::FaceShadows* get_face_shadows() const;
+    const kiln::level::CurveCorners* get_curve_corners() const;
+    const kiln::level::Displacements* get_displacements() const;
+    const kiln::level::CurvedPatches* get_curved_patches() const;
+    const kiln::level::CurveSources* get_curve_sources() const;
     const kiln::level::Blob* get_page(std::uint32_t page) const;    // run-time texels
     const kiln::level::Blob* get_quality(std::uint32_t page) const; // validity, then error codes
     const kiln::level::Blob* get_probe(std::uint32_t probe) const;

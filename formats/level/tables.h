@@ -301,6 +301,85 @@ struct FaceShadows {
     template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(bits, info.faces); }
 };
 
+// ---- Curves. These lumps are only there where a level has what they hold; they state their own counts.
+
+struct CurveCorners { // of all triangles of faces with KILN_FACE_CURVED, in order
+    std::vector<kiln_curve_corner> rows;
+    std::vector<std::uint32_t> first; // per face, from the reader: first corner; KILN_NO_INDEX
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        auto n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        using C = kiln_curve_corner;
+        io.rows(rows, n, &C::luxel, &C::uv, &C::alpha);
+    }
+    void check(const kiln_info&) const {}
+};
+
+constexpr std::uint32_t displacement_vertices(std::uint32_t power) { return ((1u << power) + 1) * ((1u << power) + 1); }
+struct Displacements {
+    struct Vertex { float xyz_alpha[4]; };
+    struct Blend { float weight[4]; };
+    std::vector<kiln_displacement> rows;
+    std::vector<Vertex> vertices;
+    std::vector<Blend> blends;
+    std::vector<std::uint16_t> tags;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        auto n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        using D = kiln_displacement;
+        io.rows(rows, n, &D::face, &D::model, &D::material, &D::plane, &D::power, &D::flags, &D::base, &D::vertex_count,
+                &D::blend_count, &D::tag_count);
+        io.rows(vertices, prefix(rows, &D::first_vertex, &D::vertex_count), &Vertex::xyz_alpha);
+        io.rows(blends, prefix(rows, &D::first_blend, &D::blend_count), &Blend::weight);
+        io.column(tags, prefix(rows, &D::first_tag, &D::tag_count));
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_displacement& d : rows) {
+            require_optional(d.face, info.faces, "a displacement names a face that is not there");
+            require_index(d.model, info.models, "a displacement names a model that is not there");
+            require_index(d.material, info.materials, "a displacement names a material that is not there");
+            require_index(d.plane, info.planes, "a displacement names a plane that is not there");
+            require(d.power >= 2 && d.power <= 4, "impossible power of a displacement");
+            require(d.vertex_count == displacement_vertices(d.power), "a displacement has another number of vertices than its power says");
+            require(d.blend_count == 0 || d.blend_count == d.vertex_count, "a displacement has another number of weights than of vertices");
+            require(d.tag_count == 0 || d.tag_count == 2u << (2 * d.power), "a displacement has another number of tags than of triangles");
+        }
+    }
+};
+
+struct CurvedPatches {
+    struct Vertex { float xyz_uv[5]; };
+    std::vector<kiln_curved_patch> rows;
+    std::vector<Vertex> vertices;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        auto n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        using P = kiln_curved_patch;
+        io.rows(rows, n, &P::face, &P::model, &P::material, &P::columns, &P::rows, &P::vertex_count);
+        io.rows(vertices, prefix(rows, &P::first_vertex, &P::vertex_count), &Vertex::xyz_uv);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_curved_patch& p : rows) {
+            require_optional(p.face, info.faces, "a patch names a face that is not there");
+            require_index(p.model, info.models, "a patch names a model that is not there");
+            require_index(p.material, info.materials, "a patch names a material that is not there");
+            require(std::uint64_t{p.columns} * p.rows == p.vertex_count, "a patch has another number of vertices than its size says");
+        }
+    }
+};
+struct CurveSources { // provenance
+    std::vector<kiln_source> displacements, patches;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        using S = kiln_source;
+        auto d = static_cast<std::uint32_t>(displacements.size()), p = static_cast<std::uint32_t>(patches.size());
+        io.scalar(d), io.scalar(p);
+        io.rows(displacements, d, &S::entity, &S::brush, &S::side, &S::line);
+        io.rows(patches, p, &S::entity, &S::brush, &S::line);
+        for (S& s : patches) s.side = -1;
+    }
+    void check(const kiln_info&) const {}
+};
+
 // ---- Lightmaps
 
 struct PageInfo { std::uint32_t width, height, layers, format; float scale; };

@@ -241,10 +241,8 @@ struct Reader {
             if (!vertices_good) side.vertices.clear();
             break;
         case Block::displacement:
-            if (auto grid = vmf::read_displacement(displacement, here(displacement.line), context)) {
-                side.displacement = static_cast<std::int32_t>(document.displacements.size());
-                document.displacements.push_back(std::move(*grid));
-            }
+            side.displacement = static_cast<std::int32_t>(document.displacements.size());
+            document.displacements.push_back(vmf::read_displacement(displacement, here(displacement.line), context).value_or(DocDisplacement{.line = displacement.line}));
             break;
         case Block::cordon_box:
             close_box();

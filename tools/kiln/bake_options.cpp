@@ -35,6 +35,8 @@ void BakeOptions::add_to(CLI::App& command) {
         ->check(CLI::Range(0.0, 16.0))->type_name("UNITS");
     geometry->add_option("--plane-merge", compile.csg.plane_merge_distance, "Planes that coincide this closely over both faces become one, map units (default 1/64)")
         ->check(CLI::Range(0.0, 1.0))->type_name("UNITS");
+    geometry->add_option("--curve-flatness", compile.surfaces.curve_flatness, "Patches are divided until their triangles lie this close to the curve, map units (default 0.5)")
+        ->check(CLI::Range(0.001, 1024.0))->type_name("UNITS");
     auto* input = command.add_option_group("Input");
     input->add_option("--materials", materials, "Material files (JSON), later ones win; NAME.materials.json beside the map is read by itself")->type_name("FILE");
     input->add_option("--textures", textures, "Folders of PNG textures named like the materials: size and mean colour are read")->type_name("DIR");

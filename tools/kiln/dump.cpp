@@ -109,11 +109,25 @@ Rows dump_faces(const Compiled& c) {
     Rows rows;
     for (std::size_t i = 0; i < c.surfaces.faces.size(); ++i) {
         const Face& f = c.surfaces.faces[i];
-        const SourceLocation at = c.world.location(f.side);
+        const SourceLocation at = location_of(c.world, c.surfaces, id<FaceId>(i));
         rows.push_back({{"face", i}, {"material", c.world.materials[f.material.at()].name}, {"model", to_json(f.model)}, {"chart", to_json(f.chart)},
                         {"normal", to_json(f.normal)}, {"distance", f.distance}, {"area", f.area}, {"triangles", f.triangle_count}, {"drawn", f.drawn},
                         {"sky", f.sky}, {"blocks_light", f.blocks_light}, {"tangent", to_json(f.tangent.t)}, {"bitangent", to_json(f.tangent.b)},
                         {"clusters", list(f.clusters)}, {"brush", at.brush}, {"side", at.side}, {"line", at.line}});
+        if (f.curved()) rows.back()["curve"] = f.curve;
+    }
+    return rows;
+}
+Rows dump_curves(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.surfaces.curves.size(); ++i) {
+        const Curve& k = c.surfaces.curves[i];
+        const SourceLocation at = location_of(c.world, c.surfaces, {k.first_face});
+        Json grid = Json::array();
+        for (const std::uint32_t p : k.grid) grid.push_back(to_json(c.surfaces.positions[p]));
+        rows.push_back({{"curve", i}, {"kind", k.kind == Curve::displacement ? "displacement" : "patch"}, {"source", k.source},
+                        {"columns", k.columns}, {"rows", k.rows}, {"first_face", k.first_face}, {"faces", k.face_count},
+                        {"brush", at.brush}, {"side", at.side}, {"line", at.line}, {"vertices", grid}});
     }
     return rows;
 }
@@ -178,7 +192,7 @@ struct Artefact {
 constexpr Artefact kArtefacts[] = {
     {"document", Stage::read, dump_document}, {"world", Stage::world, dump_world},      {"fragments", Stage::csg, dump_csg},
     {"bsp", Stage::bsp, dump_bsp},            {"portals", Stage::bsp, dump_portals}, {"vis", Stage::visibility, dump_vis},
-    {"faces", Stage::surfaces, dump_faces},   {"charts", Stage::surfaces, dump_charts}, {"lights", Stage::light, dump_lights},
+    {"faces", Stage::surfaces, dump_faces},   {"charts", Stage::surfaces, dump_charts}, {"curves", Stage::surfaces, dump_curves}, {"lights", Stage::light, dump_lights},
     {"patches", Stage::light, dump_patches},  {"cubes", Stage::ambient, dump_cubes},    {"probes", Stage::probes, dump_probes},
 };
 

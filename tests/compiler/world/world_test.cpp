@@ -202,11 +202,9 @@ TEST(World, WhatIsNotHandledIsToldOnceAKind) {
     EXPECT_EQ(first(c, "not-handled-decal")->where.entity, 2);
 }
 
-TEST(World, DisplacementsStandInAsDetail) {
-    const std::string row = "\"0 0 1 0 0 1 0 0 1 0 0 1 0 0 1\" ";
+TEST(World, WhatCannotBeDisplacedStaysFlatAndSealsNothing) {
     const std::string side = "side { \"id\" \"1\" \"plane\" \"(0 0 0) (0 64 0) (64 0 0)\" \"material\" \"wall\" "
-                             "\"lightmapscale\" \"32\" dispinfo { \"power\" \"2\" \"startposition\" \"[0 0 0]\" normals { \"row0\" " + row + "\"row1\" " + row +
-                             "\"row2\" " + row + "\"row3\" " + row + "\"row4\" " + row + "} } }\n";
+                             "\"lightmapscale\" \"32\" dispinfo { } }\n";
     const std::string map = "world { \"id\" \"1\" \"classname\" \"worldspawn\" solid { \"id\" \"2\" " + side +
                             side +
                             " } }\n"
@@ -220,9 +218,12 @@ TEST(World, DisplacementsStandInAsDetail) {
     ASSERT_TRUE(w);
     EXPECT_EQ(w->brushes[0].contents, Contents::detail);
     EXPECT_EQ(w->sides[0].lightmap_scale, 32);
-    EXPECT_EQ(w->sides[0].displacement, 0);
-    EXPECT_EQ(count(c, "not-handled-displacement"), 1u);
-    EXPECT_TRUE(first(c, "not-handled-displacement")->message.starts_with("2 displacements"));
+    EXPECT_EQ(w->sides[0].displacement, -1);
+    EXPECT_FALSE(w->brushes[0].displaced);
+    EXPECT_TRUE(w->displacements.empty());
+    EXPECT_EQ(count(c, "displacement-power-invalid"), 2u); // told once, by the reader
+    EXPECT_EQ(count(c, "displacement-invalid"), 0u);
+    EXPECT_EQ(first(c, "displacement-power-invalid")->where.side, 1);
     EXPECT_EQ(count(c, "origin-invalid"), 1u);
     EXPECT_FALSE(w->entities[1].has_origin);
 }
