@@ -48,7 +48,7 @@ bool laws(const std::string& path, std::size_t points) {
     ok &= say("portals", portals(open.csg, open.bsp));
     ok &= say("brush lists", brush_lists(filled.world, filled.csg, filled.bsp));
     // Where detail stands in a closed gap its own faces close it, which are not in this sum.
-    if (!filled.leak && filled.bsp.closed.empty()) ok &= say("inside is closed", inside_is_closed(filled.world, filled.csg, filled.bsp));
+    if (!filled.leak && filled.count("micro-gap") == 0) ok &= say("inside is closed", inside_is_closed(filled.world, filled.csg, filled.bsp));
     return ok;
 }
 
