@@ -47,10 +47,8 @@ bool laws(const std::string& path, std::size_t points) {
     ok &= say("points in leaves", points_in_leaves(filled.world, filled.csg, filled.bsp, points, 1));
     ok &= say("portals", portals(open.csg, open.bsp));
     ok &= say("brush lists", brush_lists(filled.world, filled.csg, filled.bsp));
-    if (!filled.leak) {
-        // Told, not judged: a gap with detail standing in it is closed by the detail's own faces, which are not in the sum.
-        say("inside is closed", inside_is_closed(filled.world, filled.csg, filled.bsp));
-    }
+    // Where detail stands in a closed gap its own faces close it, which are not in this sum.
+    if (!filled.leak && filled.count("micro-gap") == 0) ok &= say("inside is closed", inside_is_closed(filled.world, filled.csg, filled.bsp));
     return ok;
 }
 
