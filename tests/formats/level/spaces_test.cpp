@@ -120,12 +120,15 @@ TEST(LevelSpaces, LyingLumpsNeverCrash) {
             } catch (const Damaged&) {
                 continue;
             }
-            if constexpr (requires { table.polygons; })
+            if constexpr (requires { table.polygons; }) {
                 for (const auto& p : table.polygons) EXPECT_LE(std::size_t{p.first_point} + p.point_count, table.points.size());
-            if constexpr (std::is_same_v<Table, AreaPortals>)
+            }
+            if constexpr (std::is_same_v<Table, AreaPortals>) {
                 for (const auto& p : table.rows) EXPECT_LE(std::size_t{p.first_point} + p.point_count, table.points.size());
-            if constexpr (std::is_same_v<Table, Waters>)
+            }
+            if constexpr (std::is_same_v<Table, Waters>) {
                 for (const std::uint32_t w : table.of_leaf) EXPECT_TRUE(w == KILN_NO_INDEX || w < table.rows.size());
+            }
         }
     };
     kiln_info info{};
