@@ -33,10 +33,35 @@ Tree build_tree(const World& world, const Csg& csg, const Space& space, const st
 struct SplitterItem {
     enum Kind : std::uint8_t { structural, translucent, area_portal, hint };
     Poly poly;
+    double area = 0; // of poly, rounded
     Kind kind = structural;
 };
-// The item whose plane divides the node best.
-std::size_t choose_splitter(const PlaneTable& planes, const std::vector<SplitterItem>& items, const Box3& region);
+// Chooses the item whose plane divides a node best. Holds memory that it uses again from node to node.
+class SplitterChooser {
+public:
+    explicit SplitterChooser(const PlaneTable& planes);
+    std::size_t choose(const std::vector<SplitterItem>& items, const Box3& region);
+
+private:
+    struct Candidate { // a plane that some items lie in
+        PlaneId plane; // even id
+        std::uint32_t item = 0, count = 0;
+        double area = 0; // of these items
+        SplitterItem::Kind kind = SplitterItem::structural;
+    };
+    struct Score {
+        double value = 0; // less is better
+        bool cuts_hint = false;
+    };
+    const PlaneTable& planes_;
+    std::vector<std::uint32_t> candidate_of_; // per pair of planes; UINT32_MAX: none, in between two calls all are
+    std::vector<Candidate> all_;
+    std::vector<double> lo_[3], hi_[3]; // of the items' boxes
+    std::vector<std::uint32_t> hints_;  // items
+
+    void find_candidates(const std::vector<SplitterItem>& items, const Box3& region);
+    Score score(const std::vector<SplitterItem>& items, const Candidate& c) const;
+};
 
 // Between any two open leaves; winding and hint filled.
 std::vector<BspPortal> build_portals(const Space& space, const Tree& tree);
