@@ -3,6 +3,8 @@
 #include "compiler/pack/pack.h"
 #include "formats/level/kiln_level.hpp"
 #include "tests/compiler/bsp/map_support.h"
+#include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <optional>
 
@@ -358,6 +360,7 @@ TEST(Traces, TheWayIsFreeAndItsEndIsNot) {
 void compare_with_every_brush(const Arena& a, int count, Vec3 lo, Vec3 hi, std::uint64_t seed) {
     std::mt19937_64 rng(seed);
     int stopped = 0, in_solid = 0, free = 0;
+    double by_tree_s = 0, by_all_s = 0;
     for (int i = 0; i < count && !testing::Test::HasFailure(); ++i) {
         const auto place = [&] { return Vec3{uniform(rng, lo.x, hi.x), uniform(rng, lo.y, hi.y), uniform(rng, lo.z, hi.z)}; };
         const Vec3 start = place();
@@ -370,7 +373,12 @@ void compare_with_every_brush(const Arena& a, int count, Vec3 lo, Vec3 hi, std::
         if (i % 50 == 7) mins = {-700, -700, -700}, maxs = {700, 700, 700}; // larger than rooms
         constexpr std::uint32_t masks[] = {KILN_MASK_PLAYERS, KILN_MASK_BULLETS, KILN_CONTENTS_SOLID, 0xffffff, KILN_MASK_LIQUID, KILN_CONTENTS_TRIGGER};
         const std::uint32_t mask = masks[i % 11 < 6 ? i % 11 : 0];
-        const kiln_trace tree = a.trace(start, end, mins, maxs, mask), all = a.of_model(0, {}, start, end, mins, maxs, mask);
+        const auto clock = [] { return std::chrono::steady_clock::now(); };
+        const auto t0 = clock();
+        const kiln_trace tree = a.trace(start, end, mins, maxs, mask);
+        const auto t1 = clock();
+        const kiln_trace all = a.of_model(0, {}, start, end, mins, maxs, mask);
+        by_tree_s += std::chrono::duration<double>(t1 - t0).count(), by_all_s += std::chrono::duration<double>(clock() - t1).count();
         expect_same(tree, all);
         stopped += tree.fraction < 1 && tree.fraction > 0, in_solid += tree.start_solid != 0, free += tree.fraction == 1;
         std::uint32_t by_tree = 0, by_all = 0;
@@ -379,6 +387,7 @@ void compare_with_every_brush(const Arena& a, int count, Vec3 lo, Vec3 hi, std::
         EXPECT_EQ(kiln_model_point_contents(a.level->get(), 0, &none.x, tree.end, &by_all), KILN_OK);
         EXPECT_EQ(by_tree, by_all);
     }
+    std::printf("%d traces: %.0f a second by the tree, %.0f over all %zu brushes\n", count, count / by_tree_s, count / by_all_s, a.level->brushes().size());
     EXPECT_GT(stopped, count / 50);
     EXPECT_GT(in_solid, count / 50);
     EXPECT_GT(free, count / 50);
@@ -389,7 +398,7 @@ TEST(Traces, TheTreeLeavesNothingOut) {
     compare_with_every_brush(a, 5000, {-700, -700, -700}, {700, 700, 700}, 52);
 }
 
-// KILN_TRACES=100000 makes it thorough.
+// KILN_TRACES=100000 makes it thorough, and a benchmark.
 class RealMapTraces : public testing::TestWithParam<const char*> {};
 TEST_P(RealMapTraces, TheTreeLeavesNothingOut) {
     Context context;
