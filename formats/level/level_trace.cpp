@@ -85,7 +85,7 @@ public:
     }
 
 private:
-    std::array<std::uint32_t, 64> slots_;
+    std::array<std::uint32_t, 256> slots_;
 };
 
 // A walk down the tree needs a place for each level of it; few trees are deeper than this.
@@ -115,11 +115,11 @@ public:
         double largest = 1;
         for (std::size_t k = 0; k < 3; ++k) {
             start_[k] = start[k], end_[k] = end[k], mins_[k] = mins[k], maxs_[k] = maxs[k];
-            lo_[k] = std::min(start[k], end[k]) + mins[k] - kRest, hi_[k] = std::max(start[k], end[k]) + maxs[k] + kRest;
             largest = std::max({largest, std::fabs(start[k]), std::fabs(end[k]), std::fabs(mins[k]), std::fabs(maxs[k])});
         }
         // A distance to a plane is three products and as many sums of numbers no larger than a few times this.
         rounding_ = largest * 0x1p-47;
+        bound();
     }
 
     void take(std::uint32_t brush) {
@@ -188,7 +188,7 @@ private:
     const Collision& c_;
     std::uint32_t contents_, who_;
     double start_[3], end_[3], mins_[3], maxs_[3];
-    double lo_[3], hi_[3]; // of all the way, and kRest around
+    double lo_[3], hi_[3]; // of the way to the first contact so far, and kRest around
     double rounding_ = 0;
     double contact_ = 1, fraction_ = 1; // of the way to the first contact; of the way to where the box rests then
     std::uint32_t brush_ = KILN_NO_INDEX, start_brush_ = KILN_NO_INDEX;
@@ -208,6 +208,13 @@ private:
     void stop(double contact, double fraction, std::uint32_t brush, const Collision::Plane* plane) {
         if (contact > contact_ || (contact == contact_ && brush >= brush_)) return;
         contact_ = contact, fraction_ = fraction, brush_ = brush, plane_ = plane;
+        bound();
+    }
+    void bound() {
+        for (std::size_t k = 0; k < 3; ++k) {
+            const double last = contact_ >= 1 ? end_[k] : start_[k] + std::max(0.0, contact_) * (end_[k] - start_[k]);
+            lo_[k] = std::min(start_[k], last) + mins_[k] - kRest, hi_[k] = std::max(start_[k], last) + maxs_[k] + kRest;
+        }
     }
 
     void clip(std::uint32_t brush, const Collision::Brush& b) {
