@@ -14,6 +14,8 @@ struct FaceDraft {
     bool lit = false;                // gets luxels
     std::uint32_t smoothing_groups = 0;
     double phong_angle_deg = 0;      // 0: not by angle
+    double phong_concave_deg = 0;    // where faces meet in a groove; 0: the same angle
+    int phong_group = 0;             // smoothed by angle with faces of the same group only
 };
 
 std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,

@@ -1,6 +1,7 @@
 #include "compiler/world/contents.h"
 #include "compiler/world/entity_classes.h"
 #include "compiler/world/omitted_layers.h"
+#include "compiler/world/overlays.h"
 #include "compiler/world/row_flags.h"
 #include "compiler/world/world.h"
 #include <cmath>
@@ -80,6 +81,7 @@ public:
             if (omitted[e]) omitted_brushes_ += entity.brushes.size();
             if (!omitted[e] || e == 0) add_entity(entity, omitted[e] == 0);
         }
+        read_overlays(world_, database_, context_);
         report_counts();
         bool any = false;
         for (const WorldBrush& b : world_.brushes)

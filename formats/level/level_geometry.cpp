@@ -51,6 +51,9 @@ KILN_ROWS(kiln_cube, cubes, cubes, Cubes, cubes)
 KILN_ROWS(kiln_cube_cell, cube_cells, cubes, Cubes, cells)
 KILN_ROWS(uint32_t, cube_lights, cubes, Cubes, lights)
 KILN_ROWS(kiln_probe, probes, probes, ProbeTable, rows)
+KILN_ROWS(kiln_overlay, overlays, overlays, Overlays, rows)
+KILN_ROWS(kiln_overlay_fragment, overlay_fragments, overlays, Overlays, fragments)
+KILN_ROWS(kiln_overlay_point, overlay_points, overlays, Overlays, points)
 #undef KILN_ROWS
 
 const float* kiln_level_portal_points(const kiln_level* level, size_t* count) {

@@ -131,6 +131,7 @@ KILN_TABLE(ProbeTable, probes, "PROB")
 KILN_TABLE(Entities, entities, "ENTS")
 KILN_TABLE(Provenance, provenance, "PROV")
 KILN_TABLE(Materials, materials, "MATL")
+KILN_TABLE(Overlays, overlays, "OVLY")
 #undef KILN_TABLE
 
 const std::string* kiln_level::get_meta() const {
@@ -361,6 +362,7 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("PROB"): return tell(level->probes, level->get_probes());
         case fourcc("ENTS"): return tell(level->entities, level->get_entities());
         case fourcc("PROV"): return tell(level->provenance, level->get_provenance());
+        case fourcc("OVLY"): return tell(level->overlays, level->get_overlays());
         default: break;
         }
     }

@@ -86,6 +86,7 @@ struct kiln_level {
     mutable Lazy<kiln::level::ProbeTable> probes;
     mutable Lazy<kiln::level::Entities> entities;
     mutable Lazy<kiln::level::Provenance> provenance;
+    mutable Lazy<kiln::level::Overlays> overlays;
     std::unique_ptr<Lazy<kiln::level::Blob>[]> blobs; // per entry: LMPG, LMQA, PRBT
 
     // Null where the part is missing or damaged.
@@ -107,6 +108,7 @@ struct kiln_level {
     const kiln::level::ProbeTable* get_probes() const;
     const kiln::level::Entities* get_entities() const;
     const kiln::level::Provenance* get_provenance() const;
+    const kiln::level::Overlays* get_overlays() const;
     const kiln::level::Blob* get_page(std::uint32_t page) const;    // run-time texels
     const kiln::level::Blob* get_quality(std::uint32_t page) const; // validity, then error codes
     const kiln::level::Blob* get_probe(std::uint32_t probe) const;
