@@ -325,6 +325,28 @@ void add_lights(const PackInput& in, level::LevelContent& out) {
     }
 }
 
+void add_overlays(const PackInput& in, level::LevelContent& out) {
+    for (const WorldOverlay& o : in.world.overlays) {
+        level::OverlayInfo info;
+        info.kind = static_cast<std::uint32_t>(o.kind), info.material = o.material.value;
+        info.entity = o.entity.valid() ? static_cast<std::int32_t>(o.entity.value) : -1;
+        info.render_order = o.render_order;
+        info.fade_min = static_cast<float>(o.fade_min), info.fade_max = static_cast<float>(o.fade_max);
+        out.overlays.push_back(std::move(info));
+    }
+    const std::vector<std::uint32_t> level_face = level_faces(in.surfaces);
+    for (const OverlayFragment& f : in.surfaces.overlay_fragments) {
+        level::OverlayPiece piece;
+        piece.face = level_face[f.face.at()];
+        for (std::size_t i = f.first_point; i < std::size_t{f.first_point} + f.point_count; ++i) {
+            const OverlayPoint& p = in.surfaces.overlay_points[i];
+            piece.points.push_back(floats(p.position));
+            piece.uv.push_back({static_cast<float>(p.uv.x), static_cast<float>(p.uv.y)});
+        }
+        out.overlays[f.overlay].pieces.push_back(std::move(piece));
+    }
+}
+
 } // namespace
 
 level::LevelContent level_content(const PackInput& in, Context& context) {
@@ -353,6 +375,7 @@ level::LevelContent level_content(const PackInput& in, Context& context) {
     for (const Curve& curve : in.surfaces.curves) add_curve(in, curve, out);
     add_charts(in, out);
     add_lights(in, out);
+    add_overlays(in, out);
     for (const WorldEntity& e : in.world.entities) {
         level::EntityInfo entity;
         for (const DocKey& k : e.keys) entity.keys.emplace_back(k.key, k.value);

@@ -3,6 +3,7 @@
 #include "compiler/world/curves.h"
 #include "compiler/world/entity_classes.h"
 #include "compiler/world/omitted_layers.h"
+#include "compiler/world/overlays.h"
 #include "compiler/world/regions.h"
 #include "compiler/world/row_flags.h"
 #include "compiler/world/side_list.h"
@@ -63,6 +64,7 @@ public:
             add_entity(entity, omitted[e] == 0);
         }
         finish_entities();
+        read_overlays(world_, database_, context_);
         report_counts();
         bool any = false;
         for (const WorldBrush& b : world_.brushes)

@@ -327,6 +327,28 @@ kiln_status kiln_point_contents(const kiln_level* level, const double point[3], 
 kiln_status kiln_model_point_contents(const kiln_level* level, uint32_t model, const double origin[3],
                                       const double point[3], uint32_t* contents);
 
+/* ---- Overlays and decals: pictures laid over faces -------------------------------------------------------- */
+
+typedef struct kiln_overlay {
+    uint32_t kind; /* 0 overlay (info_overlay), 1 decal */
+    uint32_t material;
+    int32_t entity;             /* it was drawn as; -1: unknown */
+    int32_t render_order;       /* higher ones lie on lower ones */
+    float fade_min, fade_max;   /* map units from the eye; < 0: never fades */
+    uint32_t first_fragment, fragment_count; /* into kiln_level_overlay_fragments; 0: it hits no face */
+} kiln_overlay;
+typedef struct kiln_overlay_fragment { /* convex, in the plane of its face, counter-clockwise seen from the front */
+    uint32_t face;                     /* its lightmap, model and clusters are the fragment's */
+    uint32_t first_point, point_count; /* into kiln_level_overlay_points; at least three */
+} kiln_overlay_fragment;
+typedef struct kiln_overlay_point {
+    float position[3];
+    float uv[2]; /* 0..1 is once the whole picture of the material, v down */
+} kiln_overlay_point;
+const kiln_overlay* kiln_level_overlays(const kiln_level* level, size_t* count);
+const kiln_overlay_fragment* kiln_level_overlay_fragments(const kiln_level* level, size_t* count);
+const kiln_overlay_point* kiln_level_overlay_points(const kiln_level* level, size_t* count);
+
 /* ---- Light on surfaces: irradiance E; a diffuse surface shows albedo / pi * E ------------------------------- */
 
 typedef enum kiln_texel_format { KILN_TEXEL_HALF3 = 0, KILN_TEXEL_RGB9E5 = 1 } kiln_texel_format;

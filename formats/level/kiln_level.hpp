@@ -67,6 +67,9 @@ public:
     std::span<const kiln_cube_cell> cube_cells() const { return rows(kiln_level_cube_cells); }
     std::span<const std::uint32_t> cube_lights() const { return rows(kiln_level_cube_lights); }
     std::span<const kiln_probe> probes() const { return rows(kiln_level_probes); }
+    std::span<const kiln_overlay> overlays() const { return rows(kiln_level_overlays); }
+    std::span<const kiln_overlay_fragment> overlay_fragments() const { return rows(kiln_level_overlay_fragments); }
+    std::span<const kiln_overlay_point> overlay_points() const { return rows(kiln_level_overlay_points); }
 
     std::uint32_t find_leaf(const std::array<double, 3>& point) const {
         return kiln_level_find_leaf(get(), point.data());

@@ -110,6 +110,9 @@ KILN_ROWS(uint8_t, face_no_dynamic_shadow, face_shadows, FaceShadows, bits)
 KILN_ROWS(kiln_displacement, displacements, displacements, Displacements, rows)
 KILN_ROWS(uint16_t, displacement_tags, displacements, Displacements, tags)
 KILN_ROWS(kiln_curved_patch, curved_patches, curved_patches, CurvedPatches, rows)
+KILN_ROWS(kiln_overlay, overlays, overlays, Overlays, rows)
+KILN_ROWS(kiln_overlay_fragment, overlay_fragments, overlays, Overlays, fragments)
+KILN_ROWS(kiln_overlay_point, overlay_points, overlays, Overlays, points)
 #undef KILN_ROWS
 
 const float* kiln_level_area_portal_points(const kiln_level* level, size_t* count) {

@@ -140,6 +140,7 @@ KILN_TABLE(FaceShadows, face_shadows, "FSHD")
 KILN_TABLE(Displacements, displacements, "DISP")
 KILN_TABLE(CurvedPatches, curved_patches, "CURV")
 KILN_TABLE(CurveSources, curve_sources, "PRVC")
+KILN_TABLE(Overlays, overlays, "OVLY")
 #undef KILN_TABLE
 
 const CurveCorners* kiln_level::get_curve_corners() const {
@@ -400,6 +401,7 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("DISP"): return tell(level->displacements, level->get_displacements());
         case fourcc("CURV"): return tell(level->curved_patches, level->get_curved_patches());
         case fourcc("PRVC"): return tell(level->curve_sources, level->get_curve_sources());
+        case fourcc("OVLY"): return tell(level->overlays, level->get_overlays());
         default: break;
         }
     }

@@ -98,6 +98,7 @@ struct kiln_level {
     mutable Lazy<kiln::level::Displacements> displacements;
     mutable Lazy<kiln::level::CurvedPatches> curved_patches;
     mutable Lazy<kiln::level::CurveSources> curve_sources;
+    mutable Lazy<kiln::level::Overlays> overlays;
     std::unique_ptr<Lazy<kiln::level::Blob>[]> blobs; // per entry: LMPG, LMQA, PRBT
 
     // Null where the part is missing or damaged.
@@ -130,6 +131,7 @@ struct kiln_level {
     const kiln::level::Displacements* get_displacements() const;
     const kiln::level::CurvedPatches* get_curved_patches() const;
     const kiln::level::CurveSources* get_curve_sources() const;
+    const kiln::level::Overlays* get_overlays() const;
     const kiln::level::Blob* get_page(std::uint32_t page) const;    // run-time texels
     const kiln::level::Blob* get_quality(std::uint32_t page) const; // validity, then error codes
     const kiln::level::Blob* get_probe(std::uint32_t probe) const;

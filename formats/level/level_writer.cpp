@@ -267,6 +267,27 @@ Entities entities_of(const LevelContent& content) {
     }
     return out;
 }
+Overlays overlays_of(const LevelContent& content) {
+    Overlays out;
+    for (const OverlayInfo& o : content.overlays) {
+        kiln_overlay k{};
+        k.kind = o.kind, k.material = o.material, k.entity = o.entity, k.render_order = o.render_order;
+        k.fade_min = o.fade_min, k.fade_max = o.fade_max;
+        k.fragment_count = static_cast<std::uint32_t>(o.pieces.size());
+        out.rows.push_back(k);
+        for (const OverlayPiece& p : o.pieces) {
+            if (p.uv.size() != p.points.size()) throw std::invalid_argument("a part of an overlay has another number of texture coordinates than corners");
+            out.fragments.push_back({p.face, 0, static_cast<std::uint32_t>(p.points.size())});
+            for (std::size_t i = 0; i < p.points.size(); ++i) {
+                kiln_overlay_point point{};
+                copy(point.position, p.points[i]), copy(point.uv, p.uv[i]);
+                out.points.push_back(point);
+            }
+        }
+    }
+    return out;
+}
+
 Provenance provenance_of(const LevelContent& content) {
     Provenance out;
     for (const FaceInfo& f : content.faces)
@@ -584,6 +605,7 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     if (std::ranges::find(shadows.bits, 1) != shadows.bits.end()) file.add("FSHD", lump(shadows, info));
     if (!options.strip && content.displacements.size() + content.patches.size() > 0)
         file.add("PRVC", lump(curve_sources_of(content), info));
+    if (!content.overlays.empty()) file.add("OVLY", lump(overlays_of(content), info));
     return file.finish();
 }
 

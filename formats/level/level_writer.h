@@ -118,6 +118,18 @@ struct ProbeInfo {
     Float3 box_lo{}, box_hi{};
     std::vector<Float3> texels; // mip, face, row, column
 };
+struct OverlayPiece { // convex, in the plane of its face, counter-clockwise seen from the front
+    std::uint32_t face = 0;
+    std::vector<Float3> points;
+    std::vector<std::array<float, 2>> uv; // parallel; 0..1 is once the whole picture, v down
+};
+struct OverlayInfo {
+    std::uint32_t kind = 0; // 0 overlay, 1 decal
+    std::uint32_t material = 0;
+    std::int32_t entity = -1, render_order = 0;
+    float fade_min = -1, fade_max = -1; // map units; < 0: none
+    std::vector<OverlayPiece> pieces;
+};
 struct EntityInfo {
     std::vector<std::pair<std::string, std::string>> keys;
     std::int32_t model = -1, source_id = -1, source_line = 0;
@@ -196,6 +208,7 @@ struct LevelContent {
     std::vector<OccluderInfo> occluders;
     std::vector<WaterInfo> waters;
     std::vector<std::uint32_t> leaf_water; // per leaf, UINT32_MAX: dry; may be empty where there is no water
+    std::vector<OverlayInfo> overlays;
 };
 
 struct WriteOptions {

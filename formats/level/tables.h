@@ -520,6 +520,34 @@ struct Bevels {
     }
 };
 
+// ---- Overlays and decals
+
+struct Overlays {
+    std::vector<kiln_overlay> rows;
+    std::vector<kiln_overlay_fragment> fragments;
+    std::vector<kiln_overlay_point> points;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        using O = kiln_overlay;
+        std::uint32_t n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        io.rows(rows, n, &O::kind, &O::material, &O::entity, &O::render_order, &O::fade_min, &O::fade_max, &O::fragment_count);
+        using F = kiln_overlay_fragment;
+        io.rows(fragments, prefix(rows, &O::first_fragment, &O::fragment_count), &F::face, &F::point_count);
+        using P = kiln_overlay_point;
+        io.rows(points, prefix(fragments, &F::first_point, &F::point_count), &P::position, &P::uv);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_overlay& o : rows) {
+            require_index(o.material, info.materials, "an overlay names a material that is not there");
+            require(o.entity >= -1 && o.entity < static_cast<std::int64_t>(info.entities), "an overlay names an entity that is not there");
+        }
+        for (const kiln_overlay_fragment& f : fragments) {
+            require_index(f.face, info.faces, "a part of an overlay names a face that is not there");
+            require(f.point_count >= 3, "a part of an overlay has less than three corners");
+        }
+    }
+};
+
 // ---- Entities, provenance
 
 struct EntityRow { std::uint32_t first_key, key_count; std::int32_t model; };

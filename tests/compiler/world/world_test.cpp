@@ -193,13 +193,13 @@ TEST(World, LuxelSizeComesFromTheNearestKey) {
 
 TEST(World, WhatIsNotHandledIsToldOnceAKind) {
     std::string map = entity("worldspawn", box({"wall"}));
-    for (int i = 0; i < 3; ++i) map += entity("misc_model") + entity("infodecal");
+    for (int i = 0; i < 3; ++i) map += entity("misc_model") + entity("prop_detail");
     Context c;
     ASSERT_TRUE(build(map, c));
     EXPECT_EQ(count(c, "not-handled-prop-static"), 1u);
-    EXPECT_EQ(count(c, "not-handled-decal"), 1u);
-    EXPECT_TRUE(first(c, "not-handled-decal")->message.starts_with("3 decals"));
-    EXPECT_EQ(first(c, "not-handled-decal")->where.entity, 2);
+    EXPECT_EQ(count(c, "not-handled-prop-detail"), 1u);
+    EXPECT_TRUE(first(c, "not-handled-prop-detail")->message.starts_with("3 prop_detail"));
+    EXPECT_EQ(first(c, "not-handled-prop-detail")->where.entity, 2);
 }
 
 TEST(World, WhatCannotBeDisplacedStaysFlatAndSealsNothing) {

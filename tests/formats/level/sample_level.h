@@ -280,6 +280,18 @@ inline LevelContent mixture(std::uint64_t seed, std::uint32_t size = 20, std::ui
         for (std::uint32_t k = below(4); k-- > 0;) e.keys.emplace_back("key" + std::to_string(below(3)), std::to_string(random()));
         c.entities.push_back(e);
     }
+    for (std::uint32_t i = 0; i < size / 2; ++i) {
+        OverlayInfo o;
+        o.kind = below(2), o.material = below(4), o.entity = static_cast<std::int32_t>(below(size + 1)) - 1;
+        o.render_order = static_cast<std::int32_t>(below(4)), o.fade_min = static_cast<float>(real(-1, 5)), o.fade_max = 300;
+        for (std::uint32_t k = below(4); k-- > 0;) {
+            OverlayPiece p;
+            p.face = below(faces);
+            for (std::uint32_t v = 3 + below(5); v-- > 0;) p.points.push_back(f3(vec(100))), p.uv.push_back({static_cast<float>(real(0, 1)), static_cast<float>(real(-3, 3))});
+            o.pieces.push_back(p);
+        }
+        c.overlays.push_back(o);
+    }
     return c;
 }
 
