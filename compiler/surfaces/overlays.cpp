@@ -165,8 +165,12 @@ private:
         if (faces.empty()) return "no face of its sides is drawn";
         std::ranges::sort(faces);
         faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
+        const std::size_t before = s_.overlay_fragments.size();
         for (const FaceId f : faces) cut_face(static_cast<std::uint32_t>(index), f, projector, o.normal, 0);
-        return "the faces of its sides lie beside it or look away from it";
+        // Brushes get mirrored under their overlays; the sides are named all the same.
+        if (s_.overlay_fragments.size() == before)
+            for (const FaceId f : faces) cut_face(static_cast<std::uint32_t>(index), f, projector, -o.normal, 0);
+        return "the faces of its sides lie beside it";
     }
 
     const char* add_decal(std::size_t index, const WorldOverlay& o) {

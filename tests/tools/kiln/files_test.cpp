@@ -58,7 +58,7 @@ TEST(Files, WhatIsMissingIsToldWithThePathsTried) {
     std::filesystem::create_directories(w.path("folder"));
     const Outcome o = w.run({"build", map, "--stop-after", "read"});
     EXPECT_EQ(o.code, 0) << o.said;
-    EXPECT_TRUE(says(o, "level.vmf:24: warning")) << o.said;
+    EXPECT_TRUE(says(o, "level.vmf:14: warning")) << o.said;
     EXPECT_TRUE(says(o, w.path("no/such.vmf"))) << o.said;
     EXPECT_EQ(w.run({"build", map, "--stop-after", "read", "--werror"}).code, 6);
 }
