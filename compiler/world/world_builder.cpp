@@ -375,7 +375,7 @@ private:
         }
         patch.material = intern(row, at);
         patch.lightmap_scale = scale;
-        patch.file = e.file;
+        patch.file = p.file;
         patch.grid = p;
         world_.patches.push_back(std::move(patch));
     }
