@@ -102,8 +102,12 @@ TEST(CurvedLight, ARidgeBlocksLight) {
         if (!c.curved() || baked.lighting.valid[t] != 1) continue;
         const Vec3 p = world_from_luxel(baked.surfaces, l.face, l.centroid);
         if (p.z > 1) continue;
-        if (p.x > 150) ++dark, EXPECT_EQ(baked.lighting.flat[t].x, 0.0f) << p.x << ' ' << p.y;
-        else if (p.x < 100) lit += baked.lighting.flat[t].x > 0;
+        if (p.x > 150) {
+            ++dark;
+            EXPECT_EQ(baked.lighting.flat[t].x, 0.0f) << p.x << ' ' << p.y;
+        } else if (p.x < 100) {
+            lit += baked.lighting.flat[t].x > 0;
+        }
     }
     EXPECT_GT(dark, 50u);
     EXPECT_GT(lit, 50u);
