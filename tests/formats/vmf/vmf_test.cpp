@@ -66,7 +66,7 @@ TEST(Vmf, ReadsWorldEntitiesSidesAndPlaces) {
     EXPECT_EQ(s.texture.v_axis, (Vec3{0, -1, 4.00061e-005}));
     EXPECT_EQ(s.lightmap_scale, 32);
     EXPECT_EQ(s.smoothing_groups, 3u);
-    EXPECT_EQ(s.displacement, 0);
+    EXPECT_EQ(s.displacement, -1);
     EXPECT_EQ(s.vertices, (std::vector<Vec3>{{1, 2, 3.5}, {-4, 5, 6}}));
     ASSERT_EQ(s.extra.size(), 1u);
     EXPECT_EQ(s.extra[0].key, "mystery");

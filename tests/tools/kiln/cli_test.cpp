@@ -164,7 +164,7 @@ TEST(Cli, OutputThatCannotBeWritten) {
     w.write("out.kiln", "yesterday's");
     const Outcome o = build(w, map, {}, {.file_bytes = 2500, .interrupt_after_ms = -1});
     EXPECT_EQ(o.code, 8) << o.said;
-    EXPECT_EQ(w.files(), (std::vector<std::string>{"out.kiln", "room.map"}));
+    EXPECT_EQ(w.files(), (std::vector<std::string>{"out.kiln", "out.pts", "room.map"}));
     std::ifstream kept(w.path("out.kiln"));
     std::string text;
     std::getline(kept, text);
