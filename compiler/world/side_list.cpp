@@ -24,7 +24,7 @@ SideNames::SideNames(const World& world) {
 }
 
 std::span<const SideId> SideNames::find(std::uint16_t file, int id) const {
-    const auto [first, last] = std::ranges::equal_range(rows_, Row{file, id});
+    const auto [first, last] = std::equal_range(rows_.begin(), rows_.end(), Row{file, id});
     return std::span(sides_).subspan(static_cast<std::size_t>(first - rows_.begin()), static_cast<std::size_t>(last - first));
 }
 
