@@ -16,9 +16,11 @@ constexpr const char* kVersion = "kiln 0.1.0"; // of the level file; results als
 Hash geometry_key(const World& world) {
     ByteWriter w;
     for (const WorldSide& s : world.sides)
-        w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement, s.no_dynamic_shadow);
+        w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement, s.no_dynamic_shadow, s.editor_vertices);
     for (const WorldBrush& b : world.brushes)
         w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws, b.collides, b.blocks, b.displaced);
+    for (const WorldBrush& b : world.brushes)
+        if (b.contents == Contents::occluder || b.contents == Contents::vis_cluster) w(b.entity); // those of one entity act together
     w(world.overlays);
     w(world.materials, world.format, world.model_count);
     return hash_bytes(w.bytes);
@@ -107,7 +109,7 @@ Fault leak_fault(const World& world, const Leak& leak) {
 
 } // namespace
 
-// VMF text begins with a word (versioninfo, world, ...); Quake-family text with a brace or a comment.
+// VMF text begins with a word (versioninfo, world, ...); Quake-family text with a brace, a comment or "Version 2".
 bool is_vmf(const TextFile& map) {
     const auto& b = map.bytes;
     std::size_t i = b.size() >= 3 && b[0] == 0xEF && b[1] == 0xBB && b[2] == 0xBF ? 3 : 0;
@@ -117,7 +119,9 @@ bool is_vmf(const TextFile& map) {
             while (i < b.size() && b[i] != '\n') ++i;
             continue;
         }
-        return std::isalpha(b[i]) != 0 || b[i] == '"';
+        const std::string_view text(reinterpret_cast<const char*>(b.data()), b.size());
+        const bool doom3 = equal_ignoring_case(text.substr(i, 7), "version") && i + 7 < b.size() && std::isspace(b[i + 7]); // "Version 2"
+        return (std::isalpha(b[i]) != 0 && !doom3) || b[i] == '"';
     }
     return map.name.ends_with(".vmf");
 }
@@ -135,7 +139,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     const Hash geometry = geometry_key(world), places = places_key(world);
     if (done(Stage::world)) return true;
 
-    const auto csg = stages.run(Stage::csg, 1, all(geometry, options.csg), places, out.csg,
+    const auto csg = stages.run(Stage::csg, 2, all(geometry, options.csg), places, out.csg,
                                 [&] { return build_csg(world, options.csg, context); });
     if (!csg) return csg.fault();
     if (done(Stage::csg)) return true;
@@ -156,18 +160,18 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
         bsp_options.fill = false;
         if (bsp = make_bsp(); !bsp) return bsp.fault();
     }
+    out.portals = vis_portals(out.bsp);
     if (done(Stage::bsp)) return true;
 
-    out.portals = vis_portals(out.bsp);
+    const auto surfaces = stages.run(Stage::surfaces, 3, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), options.surfaces), places, out.surfaces,
+                                     [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
+    if (!surfaces) return surfaces.fault();
+    if (done(Stage::surfaces)) return true;
+
     const auto visibility = stages.run(Stage::visibility, 1, all(out.portals, out.bsp.cluster_count, options.visibility), places, out.visibility,
                                        [&] { return compute_visibility(out.portals, out.bsp.cluster_count, options.visibility, context); });
     if (!visibility) return visibility.fault();
     if (done(Stage::visibility)) return true;
-
-    const auto surfaces = stages.run(Stage::surfaces, 2, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), options.surfaces), places, out.surfaces,
-                                     [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
-    if (!surfaces) return surfaces.fault();
-    if (done(Stage::surfaces)) return true;
 
     out.lights = read_lights(world, context);
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))

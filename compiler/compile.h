@@ -10,9 +10,9 @@
 
 namespace kiln {
 
-enum class Stage : std::uint8_t { read, world, csg, bsp, visibility, surfaces, light, ambient, probes, pack };
-constexpr std::array<const char*, 10> kStageNames = {"read",     "world", "csg",     "bsp",    "visibility",
-                                                     "surfaces", "light", "ambient", "probes", "pack"};
+enum class Stage : std::uint8_t { read, world, csg, bsp, surfaces, visibility, light, ambient, probes, pack };
+constexpr std::array<const char*, 10> kStageNames = {"read",       "world", "csg",     "bsp",    "surfaces",
+                                                     "visibility", "light", "ambient", "probes", "pack"};
 
 struct CompileOptions {
     WorldOptions world;

@@ -8,7 +8,9 @@ std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& spac
     std::vector<std::pair<std::int32_t, Poly>> stack;
     for (std::uint32_t f = 0; f < csg.fragments.size(); ++f) {
         const Fragment& fragment = csg.fragments[f];
-        if (fragment.covered || fragment.behind == Contents::hint || fragment.behind == Contents::area_portal) continue;
+        if (fragment.covered || fragment.behind == Contents::hint || fragment.behind == Contents::area_portal ||
+            fragment.behind == Contents::occluder)
+            continue;
         if (fragment.model.value != 0) {
             visible.push_back({f, fragment.polygon, {}});
             continue;

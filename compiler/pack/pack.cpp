@@ -1,4 +1,5 @@
 #include "compiler/pack/pack.h"
+#include "compiler/collision/collision.h"
 #include "libs/core/check.h"
 #include <charconv>
 
@@ -100,7 +101,7 @@ void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush
 }
 
 // Which brush of the level each brush of the world is; UINT32_MAX: it was invalid and left out.
-std::vector<std::uint32_t> add_brushes(const PackInput& in, level::LevelContent& out) {
+std::vector<std::uint32_t> add_brushes(const PackInput& in, const CollisionBrushes& collision, level::LevelContent& out) {
     std::vector<std::uint32_t> number(in.world.brushes.size(), UINT32_MAX);
     for (std::size_t i = 0; i < in.world.brushes.size(); ++i) {
         const WorldBrush& b = in.world.brushes[i];
@@ -115,6 +116,8 @@ std::vector<std::uint32_t> add_brushes(const PackInput& in, level::LevelContent&
             brush.planes.push_back(polytope.faces[k].support.value);
             brush.source_sides.push_back(in.world.sides[polytope.sides[k].at()].id);
         }
+        for (std::uint32_t k = collision.first_bevel[i]; k < collision.first_bevel[i + 1]; ++k)
+            brush.bevels.push_back({doubles(collision.bevels[k].normal), collision.bevels[k].distance});
         number[i] = static_cast<std::uint32_t>(out.brushes.size());
         out.brushes.push_back(std::move(brush));
     }
@@ -304,7 +307,7 @@ void add_lights(const PackInput& in, level::LevelContent& out) {
 
 } // namespace
 
-level::LevelContent level_content(const PackInput& in) {
+level::LevelContent level_content(const PackInput& in, Context& context) {
     level::LevelContent out;
     const std::size_t slash = in.world.file.find_last_of("/\\");
     out.source_name = slash == std::string::npos ? in.world.file : in.world.file.substr(slash + 1);
@@ -313,7 +316,7 @@ level::LevelContent level_content(const PackInput& in) {
     out.rnm_encoding = static_cast<std::uint8_t>(in.lighting.encoding);
     out.model_count = std::max(1u, in.world.model_count);
     add_planes(in.csg.planes, out);
-    add_tree(in, add_brushes(in, out), out);
+    add_tree(in, add_brushes(in, build_collision(in.csg, context), out), out);
     for (const Material& m : in.world.materials) {
         level::MaterialInfo material;
         material.name = m.name, material.albedo_map = m.albedo_map, material.normal_map = m.normal_map;
@@ -341,7 +344,7 @@ level::LevelContent level_content(const PackInput& in) {
 Bytes pack(const PackInput& input, const level::WriteOptions& options, Context& context) {
     context.check_cancelled();
     try {
-        return level::write_level(level_content(input), options);
+        return level::write_level(level_content(input, context), options);
     } catch (const std::invalid_argument& e) { // our own tables contradict each other
         throw InternalError(std::string("pack: ") + e.what());
     }

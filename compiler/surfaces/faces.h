@@ -8,7 +8,7 @@ namespace kiln {
 
 struct FaceDraft {
     Face face;                       // all but triangles and chart
-    std::vector<Loop> loops;         // as in Region; T-junctions inserted later
+    std::vector<Outline> loops;      // as in Region; T-junctions inserted later
     std::vector<Loop> convex;        // the same region as convex polygons that overlap nowhere
     double luxel_size = 16;          // map units
     bool lit = false;                // gets luxels

@@ -13,10 +13,9 @@ namespace {
 
 // Faces of one model share vertices; models move against each other, so they do not.
 void resolve_tjunctions(std::vector<FaceDraft>& drafts, const VertexTable& vertices, std::uint32_t model_count, Context& context) {
-    std::vector<std::vector<Loop*>> of_model(model_count);
-    for (FaceDraft& d : drafts)
-        for (Loop& loop : d.loops) of_model[d.face.model.at()].push_back(&loop);
-    for (const std::vector<Loop*>& loops : of_model) insert_tjunctions(vertices, loops, context);
+    std::vector<std::vector<FaceOutlines>> of_model(model_count);
+    for (FaceDraft& d : drafts) of_model[d.face.model.at()].push_back({d.face.plane, &d.loops});
+    for (const std::vector<FaceOutlines>& faces : of_model) insert_tjunctions(vertices, faces, context);
 }
 
 // Where the library refuses: the convex pieces as fans. Right in area, but with T-junctions.

@@ -2,6 +2,7 @@
 #pragma once
 #include "formats/document/document.h"
 #include "libs/core/context.h"
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -16,6 +17,17 @@ void mend_texture_scale(DocTexture& texture, const SourceLocation& where, Contex
 
 // Text from an unknown file, fit to be shown: at most 40 bytes, control characters and bytes above 126 as '?'.
 std::string shown(std::string_view text);
+
+// Words between white space and brackets, "(1 2)[3]" being three: fills `words` as far as they go and returns how many
+// there are, but at most one more than there is room for.
+std::size_t split_words(std::string_view text, std::span<std::string_view> words);
+// As many finite numbers as `out` holds, separated as above and nothing else; false: out is half written.
+bool read_numbers(std::string_view text, std::span<double> out);
+// A whole number, the fraction of another dropped; nothing for none.
+std::optional<std::int64_t> read_integer(std::string_view text);
+
+// Text whose only line breaks are carriage returns (of old Macs): `storage` gets it with line feeds and `text` shows it.
+void unify_line_breaks(std::string_view& text, std::string& storage);
 
 // Bytes that cannot be map text (empty, zero bytes, UTF-16): the fault that says so; nothing for text.
 // `text` loses a UTF-8 byte order mark and zero bytes at its end.

@@ -214,6 +214,85 @@ kiln_status kiln_level_tangent_frame(const kiln_level* level, uint32_t face, con
 kiln_status kiln_level_tangent_frame_at(const kiln_level* level, uint32_t face, const double point[3],
                                         const float shading_normal[3], float t[3], float b[3], float n[3]);
 
+/* ---- Collision -------------------------------------------------------------------------------------------- */
+
+/* What a brush lacks, beside its own planes, for boxes to be swept against it: planes that touch it in a corner or along
+ * an edge. Every own plane and bevel moved outwards by the reach of a box, sum of |normal[k]| * half size [k], bounds
+ * exactly the places where the box meets the brush. Axial ones come first, in the order -x +x -y +y -z +z; with the brush's
+ * own there is one each way. Then those of edges. NULL where there are none (a box) or the level has none. */
+typedef struct kiln_bevel {
+    double normal[3]; /* unit */
+    double distance;  /* dot(normal, x) <= distance on all of the brush */
+} kiln_bevel;
+const kiln_bevel* kiln_level_brush_bevels(const kiln_level* level, uint32_t brush, size_t* count);
+
+/* What a trace looks for: the brushes of some contents and, where any KILN_FOR_ bit is set, of those only the ones that
+ * stop one of these. */
+enum {
+    KILN_CONTENTS_SOLID = 1 << 1,
+    KILN_CONTENTS_DETAIL = 1 << 2, /* solid that does not seal */
+    KILN_CONTENTS_WINDOW = 1 << 3,
+    KILN_CONTENTS_WATER = 1 << 4,
+    KILN_CONTENTS_SLIME = 1 << 5,
+    KILN_CONTENTS_LAVA = 1 << 6,
+    KILN_CONTENTS_AREA_PORTAL = 1 << 7,
+    KILN_CONTENTS_HINT = 1 << 8,
+    KILN_CONTENTS_CLIP = 1 << 9,
+    KILN_CONTENTS_TRIGGER = 1 << 10,
+    KILN_CONTENTS_GRATE = 1 << 11,
+
+    KILN_FOR_PLAYERS = 1 << 24,
+    KILN_FOR_NPCS = 1 << 25,
+    KILN_FOR_BULLETS = 1 << 26,
+    KILN_FOR_SIGHT = 1 << 27,
+
+    KILN_MASK_LIQUID = KILN_CONTENTS_WATER | KILN_CONTENTS_SLIME | KILN_CONTENTS_LAVA,
+    KILN_MASK_HARD = KILN_CONTENTS_SOLID | KILN_CONTENTS_DETAIL | KILN_CONTENTS_WINDOW | KILN_CONTENTS_GRATE | KILN_CONTENTS_CLIP,
+    KILN_MASK_PLAYERS = KILN_MASK_HARD | KILN_FOR_PLAYERS,
+    KILN_MASK_NPCS = KILN_MASK_HARD | KILN_FOR_NPCS,
+    KILN_MASK_BULLETS = KILN_MASK_HARD | KILN_FOR_BULLETS,
+    KILN_MASK_SIGHT = KILN_MASK_HARD | KILN_FOR_SIGHT
+};
+
+/* A box that stops keeps this far from the plane it met, map units, or where it was if that was nearer. */
+#define KILN_TRACE_DISTANCE 0.03125
+
+typedef struct kiln_trace {
+    double fraction;      /* of the way that is free: 0..1; 1: nothing is in the way */
+    double end[3];        /* start + fraction * (end - start); exactly `end` where fraction is 1, `start` where it is 0 */
+    double normal[3];     /* of the plane that stopped it, unit, away from the brush; zeros where none did */
+    double distance;      /* of that plane of the brush (not moved by the box): dot(normal, x) = distance */
+    uint32_t contents;    /* KILN_CONTENTS_ bit of `brush`; 0: none */
+    uint32_t brush;       /* that stopped it, else one it started in; KILN_NO_INDEX: none */
+    uint32_t side;        /* the own plane of the brush, into kiln_level_brush_planes; KILN_NO_INDEX: a bevel, or none */
+    uint32_t start_solid; /* 1: it starts inside a brush. The trace lets it out and stops at others */
+    uint32_t all_solid;   /* 1: it starts and ends inside one brush; fraction is 0 */
+} kiln_trace;
+
+/* Moves the box [x + mins, x + maxs], x from `start` to `end`, through the world. A ray is a box of no size.
+ *
+ * It stops before the first brush in its way, KILN_TRACE_DISTANCE from the plane met, measured along that plane's
+ * normal; boxes that pass a brush without coming nearer than half of that are not stopped by it, so that sliding along a
+ * surface, as a box does after its motion was clipped to `normal`, goes on however many steps it takes. Neither tunnels:
+ * the whole way is swept, whatever its length. Of brushes met at once the lowest counts.
+ * Placed by hand, a box may touch a brush, or reach 1/1024 of a unit into it: it may slide along or leave, and is stopped
+ * at once where it moves closer.
+ *
+ * KILN_BAD_ARGUMENT: a coordinate beyond +-2^24 or not a number, mins > maxs. KILN_MISSING: the level has no bevels (it
+ * was written before there were any) and the box has a size. */
+kiln_status kiln_trace_box(const kiln_level* level, const double start[3], const double end[3], const double mins[3],
+                           const double maxs[3], uint32_t mask, kiln_trace* trace);
+/* The same against the brushes of one model alone, moved to `origin` (zeros: where it was drawn; 0: the world's
+ * model, without its tree). Models do not turn: take start, end and box into the model's space where one has turned, as far as
+ * a ray or a ball allow. Brushes of triggers are looked for with KILN_CONTENTS_TRIGGER. */
+kiln_status kiln_trace_model(const kiln_level* level, uint32_t model, const double origin[3], const double start[3],
+                             const double end[3], const double mins[3], const double maxs[3], uint32_t mask,
+                             kiln_trace* trace);
+/* KILN_CONTENTS_ bits of all brushes of the world that hold the point, faces included; 0: air, or the void. */
+kiln_status kiln_point_contents(const kiln_level* level, const double point[3], uint32_t* contents);
+kiln_status kiln_model_point_contents(const kiln_level* level, uint32_t model, const double origin[3],
+                                      const double point[3], uint32_t* contents);
+
 /* ---- Light on surfaces: irradiance E; a diffuse surface shows albedo / pi * E ------------------------------- */
 
 typedef enum kiln_texel_format { KILN_TEXEL_HALF3 = 0, KILN_TEXEL_RGB9E5 = 1 } kiln_texel_format;

@@ -134,6 +134,7 @@ KILN_TABLE(Materials, materials, "MATL")
 KILN_TABLE(Displacements, displacements, "DISP")
 KILN_TABLE(CurvedPatches, curved_patches, "CURV")
 KILN_TABLE(CurveSources, curve_sources, "PRVC")
+KILN_TABLE(Bevels, bevels, "BEVL")
 #undef KILN_TABLE
 
 const CurveCorners* kiln_level::get_curve_corners() const {
@@ -168,6 +169,10 @@ const Cubes* kiln_level::get_cubes() const {
         table.halfs = {};
         table.tree.nodes = table.nodes.data(), table.tree.node_count = table.nodes.size();
     });
+}
+
+const Collision* kiln_level::get_collision() const {
+    return collision.get([&](Collision& out) { out = make_collision(*this); });
 }
 
 const Visibility* kiln_level::get_visibility() const {
@@ -384,6 +389,7 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("DISP"): return tell(level->displacements, level->get_displacements());
         case fourcc("CURV"): return tell(level->curved_patches, level->get_curved_patches());
         case fourcc("PRVC"): return tell(level->curve_sources, level->get_curve_sources());
+        case fourcc("BEVL"): return tell(level->bevels, level->get_bevels());
         default: break;
         }
     }

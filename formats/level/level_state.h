@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What an open level is inside: the directory, and each part decoded at its first use, once. Private.
 #pragma once
+#include "formats/level/collision.h"
 #include "formats/level/mesh_codec.h"
 #include "formats/level/tables.h"
 #include <map>
@@ -90,6 +91,8 @@ struct kiln_level {
     mutable Lazy<kiln::level::Displacements> displacements;
     mutable Lazy<kiln::level::CurvedPatches> curved_patches;
     mutable Lazy<kiln::level::CurveSources> curve_sources;
+    mutable Lazy<kiln::level::Bevels> bevels;
+    mutable Lazy<kiln::level::Collision> collision; // made of planes, brushes, bevels, nodes and leaves
     std::unique_ptr<Lazy<kiln::level::Blob>[]> blobs; // per entry: LMPG, LMQA, PRBT
 
     // Null where the part is missing or damaged.
@@ -115,6 +118,8 @@ struct kiln_level {
     const kiln::level::Displacements* get_displacements() const;
     const kiln::level::CurvedPatches* get_curved_patches() const;
     const kiln::level::CurveSources* get_curve_sources() const;
+    const kiln::level::Bevels* get_bevels() const;
+    const kiln::level::Collision* get_collision() const;
     const kiln::level::Blob* get_page(std::uint32_t page) const;    // run-time texels
     const kiln::level::Blob* get_quality(std::uint32_t page) const; // validity, then error codes
     const kiln::level::Blob* get_probe(std::uint32_t probe) const;

@@ -192,6 +192,18 @@ Brushes brushes_of(const LevelContent& content) {
     }
     return out;
 }
+Bevels bevels_of(const LevelContent& content) {
+    Bevels out;
+    for (const Brush& b : content.brushes) {
+        out.rows.push_back({count(out.bevels.size()), count(b.bevels.size())});
+        for (const Bevel& from : b.bevels) {
+            kiln_bevel k{};
+            copy_tidy(k.normal, from.normal), k.distance = from.distance + 0.0;
+            out.bevels.push_back(k);
+        }
+    }
+    return out;
+}
 Materials materials_of(const LevelContent& content) {
     Materials out;
     for (const MaterialInfo& m : content.materials) {
@@ -525,6 +537,7 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     file.add("PROB", lump(probes, info));
     for (std::uint32_t i = 0; i < info.probes; ++i) file.add("PRBT", std::move(probe_blobs[i]), i);
     file.add("ENTS", lump(entities_of(content), info));
+    file.add("BEVL", lump(bevels_of(content), info));
     if (!options.strip) file.add("PROV", lump(provenance_of(content), info));
     if (!options.strip && content.displacements.size() + content.patches.size() > 0)
         file.add("PRVC", lump(curve_sources_of(content), info));

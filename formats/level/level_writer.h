@@ -41,12 +41,17 @@ struct Portal {
     std::uint32_t plane = 0;
     std::vector<Float3> winding;
 };
+struct Bevel { // supports a brush: dot(normal, x) <= distance on all of it
+    Double3 normal{};
+    double distance = 0;
+};
 struct Brush { // inside = behind all planes
     std::uint32_t model = 0;
     std::uint8_t contents = 0;
     std::vector<std::uint32_t> planes;
     std::int32_t source_entity = -1, source_id = -1, source_line = 0;
     std::vector<std::int32_t> source_sides; // parallel to planes
+    std::vector<Bevel> bevels;              // what it lacks for swept boxes: axial ones -x +x -y +y -z +z, then those of edges
 };
 struct MaterialInfo {
     std::string name, albedo_map, normal_map;

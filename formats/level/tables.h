@@ -427,6 +427,25 @@ struct ProbeTable {
     }
 };
 
+// ---- Collision
+
+// Kept apart from the brushes' own planes: readers that know of none still read those.
+struct Bevels {
+    struct Range { std::uint32_t first, count; };
+    std::vector<Range> rows; // per brush
+    std::vector<kiln_bevel> bevels;
+    template <class Io> void io(Io& io, const kiln_info& info, bool) {
+        io.rows(rows, info.brushes, &Range::count);
+        io.rows(bevels, prefix(rows, &Range::first, &Range::count), &kiln_bevel::normal, &kiln_bevel::distance);
+    }
+    void check(const kiln_info&) const {
+        for (const kiln_bevel& b : bevels) {
+            const double square = b.normal[0] * b.normal[0] + b.normal[1] * b.normal[1] + b.normal[2] * b.normal[2];
+            require(square > 0.999 && square < 1.001 && b.distance > -1e300 && b.distance < 1e300, "a bevel is no plane");
+        }
+    }
+};
+
 // ---- Entities, provenance
 
 struct EntityRow { std::uint32_t first_key, key_count; std::int32_t model; };

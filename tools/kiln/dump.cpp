@@ -191,7 +191,7 @@ struct Artefact {
 };
 constexpr Artefact kArtefacts[] = {
     {"document", Stage::read, dump_document}, {"world", Stage::world, dump_world},      {"fragments", Stage::csg, dump_csg},
-    {"bsp", Stage::bsp, dump_bsp},            {"portals", Stage::visibility, dump_portals}, {"vis", Stage::visibility, dump_vis},
+    {"bsp", Stage::bsp, dump_bsp},            {"portals", Stage::bsp, dump_portals}, {"vis", Stage::visibility, dump_vis},
     {"faces", Stage::surfaces, dump_faces},   {"charts", Stage::surfaces, dump_charts}, {"curves", Stage::surfaces, dump_curves}, {"lights", Stage::light, dump_lights},
     {"patches", Stage::light, dump_patches},  {"cubes", Stage::ambient, dump_cubes},    {"probes", Stage::probes, dump_probes},
 };

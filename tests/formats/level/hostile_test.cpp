@@ -34,7 +34,14 @@ int use_everything(const Bytes& bytes) {
             double uv[2];
             kiln_level_eval_flat(level, f, p, rgb), kiln_level_eval_rnm(level, f, p, n, rgb);
             kiln_level_eval_rnm_local(level, f, p, bad, rgb), kiln_level_shading_normal(level, f, p, rgb);
-            kiln_level_texture_uv(level, f, p, uv);
+            kiln_level_texture_uv(level, f, p, uv), kiln_level_luxel_at(level, f, p, uv);
+            double w[3];
+            kiln_level_triangle_at(level, f, p, w);
+            float t[3], b[3], up[3];
+            kiln_level_tangent_frame_at(level, f, p, n, t, b, up);
+            std::size_t triangles = 0;
+            const kiln_curve_corner* corners = kiln_level_curve_corners(level, f, &triangles);
+            for (std::size_t k = 0; k < 3 * triangles; ++k) rgb[0] = corners[k].alpha;
         }
         kiln_level_ambient(level, p, cube), kiln_level_ambient_eval(level, p, n, rgb);
         kiln_light_weight weights[4];
@@ -43,12 +50,38 @@ int use_everything(const Bytes& bytes) {
         const std::uint32_t probe = kiln_level_nearest_cubemap(level, p);
         kiln_level_sample_cubemap(level, probe, n, 0.4f, rgb), kiln_level_sample_cubemap(level, probe, bad, NAN, rgb);
         kiln_level_parallax_direction(level, probe, p, n, rgb);
+        const double none[3] = {}, mins[3] = {-16, -16, -24}, maxs[3] = {16, 16, 32};
+        kiln_trace trace{};
+        std::uint32_t contents = 0;
+        for (const auto& q : points) {
+            kiln_trace_box(level, p, q, mins, maxs, UINT32_MAX, &trace), kiln_trace_box(level, p, q, none, none, 0xffffff, &trace);
+            for (std::uint32_t m = 0; m < std::min(info.models, 5u); ++m) kiln_trace_model(level, m, none, p, q, mins, maxs, 0xffffff, &trace);
+        }
+        kiln_point_contents(level, p, &contents), kiln_model_point_contents(level, 1, none, p, &contents);
+    }
+    for (std::uint32_t b = 0; b < std::min(info.brushes, 40u); ++b) {
+        std::size_t bevels = 0;
+        kiln_level_brush_bevels(level, b, &bevels);
     }
     for (std::int32_t c = 0; c < static_cast<std::int32_t>(std::min(info.clusters, 80u)); ++c) {
         kiln_level_cluster_visible(level, c, 1);
         std::vector<std::uint64_t> row(std::min<std::size_t>(1000, (info.clusters + std::size_t{63}) / 64));
         kiln_level_read_pvs_row(level, c, row.data(), row.size());
     }
+    std::size_t displacements = 0, patches = 0;
+    float last = 0;
+    const kiln_displacement* d = kiln_level_displacements(level, &displacements);
+    for (std::size_t i = 0; i < displacements; ++i) {
+        for (std::uint32_t v = 0; v < 4 * d[i].vertex_count; ++v) last = kiln_level_displacement_vertices(level, nullptr)[4 * std::size_t{d[i].first_vertex} + v];
+        for (std::uint32_t v = 0; v < 4 * d[i].blend_count; ++v) last = kiln_level_displacement_blends(level, nullptr)[4 * std::size_t{d[i].first_blend} + v];
+        for (std::uint32_t v = 0; v < d[i].tag_count; ++v) last = kiln_level_displacement_tags(level, nullptr)[std::size_t{d[i].first_tag} + v];
+    }
+    const kiln_curved_patch* patch = kiln_level_curved_patches(level, &patches);
+    for (std::size_t i = 0; i < patches; ++i)
+        for (std::uint32_t v = 0; v < 5 * patch[i].vertex_count; ++v) last = kiln_level_patch_vertices(level, nullptr)[5 * std::size_t{patch[i].first_vertex} + v];
+    EXPECT_TRUE(last == last || last != last);
+    kiln_source source{};
+    kiln_level_displacement_source(level, 1, &source), kiln_level_patch_source(level, 1, &source);
     for (std::uint32_t e = 0; e < std::min(info.entities, 40u); ++e) kiln_level_entity_value(level, e, "key1");
     kiln_level_close(level);
     return faults;
@@ -248,6 +281,64 @@ TEST(LevelHostile, LoopsInTreesEnd) {
     EXPECT_EQ(kiln_level_find_leaf(level.get(), std::array{0.0, 0.0, 0.0}.data()), KILN_NO_INDEX);
     float cube[6][3];
     EXPECT_EQ(kiln_level_ambient(level.get(), std::array{0.0, 0.0, 0.0}.data(), cube), KILN_NONE);
+}
+
+namespace {
+kiln_status fall(const Level& level, double half, kiln_trace* trace) {
+    const double start[3] = {0, 0, 100}, end[3] = {0, 0, -100}, mins[3] = {-half, -half, -half}, maxs[3] = {half, half, half};
+    return kiln_trace_box(level.get(), start, end, mins, maxs, KILN_MASK_PLAYERS, trace);
+}
+} // namespace
+
+TEST(LevelHostile, DamagedCollisionStopsTracesNotTheRest) {
+    LevelContent c = test::constant_room({1, 1, 1});
+    test::add_brush(c);
+    const Bytes good = write_level(c);
+    kiln_trace trace{};
+    ASSERT_EQ(fall(Level(good), 8, &trace), KILN_OK);
+    EXPECT_DOUBLE_EQ(trace.end[2], 16 + 8 + KILN_TRACE_DISTANCE);
+    const auto spoil = [&](const char* lump, std::size_t at, double value) {
+        Forge bad(good);
+        std::memcpy(bad[lump].bytes.data() + at, &value, 8);
+        return bad.bytes();
+    };
+    // One brush, one bevel: its count, then normal x, y, z and distance.
+    for (const std::size_t at : {0u, 4u, 12u, 20u, 28u})
+        for (const double value : {double(NAN), double(INFINITY), 1e301}) {
+            const Bytes bad = spoil("BEVL", at, value);
+            const Level level(bad);
+            EXPECT_EQ(fall(level, 8, &trace), KILN_DAMAGED) << at;
+            EXPECT_EQ(fall(level, 0, &trace), KILN_DAMAGED);
+            EXPECT_EQ(level.brushes().size(), 1u);
+            EXPECT_EQ(kiln_level_brush_bevels(level.get(), 0, nullptr), nullptr);
+        }
+    LevelContent loop = c;
+    loop.nodes[3].child = {1, 1};
+    const Bytes looped = write_level(loop);
+    EXPECT_EQ(fall(Level(looped), 8, &trace), KILN_DAMAGED);
+    std::mt19937_64 random(5);
+    for (int i = 0; i < 2000; ++i) {
+        Forge bad(good);
+        const char* names[] = {"BEVL", "BRSH", "PLNS", "NODE", "LEAF"};
+        Bytes& l = bad[names[i % 5]].bytes;
+        l[random() % l.size()] = static_cast<std::uint8_t>(random());
+        use_everything(bad.bytes());
+    }
+}
+
+// Written before there were bevels: rays are traced, boxes are not traced wrongly.
+TEST(LevelHostile, ALevelWithoutBevelsTracesRays) {
+    LevelContent c = test::constant_room({1, 1, 1});
+    test::add_brush(c);
+    Forge old(write_level(c));
+    std::erase_if(old.lumps, [](const Forge::Lump& l) { return l.name() == "BEVL"; });
+    const Bytes bytes = old.bytes();
+    const Level level(bytes);
+    kiln_trace trace{};
+    EXPECT_EQ(kiln_level_check(level.get(), nullptr), KILN_OK);
+    EXPECT_EQ(fall(level, 8, &trace), KILN_MISSING);
+    ASSERT_EQ(fall(level, 0, &trace), KILN_OK);
+    EXPECT_DOUBLE_EQ(trace.end[2], 16 + KILN_TRACE_DISTANCE);
 }
 
 TEST(LevelHostile, NotALevel) {

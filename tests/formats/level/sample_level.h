@@ -94,6 +94,16 @@ template <class Value> LevelContent room(std::uint8_t encoding, bool directional
     c.entities.push_back({.keys = {{"classname", "worldspawn"}, {"message", "a \"room\"\\ \xff"}}, .model = 0, .source_line = 1});
     return c;
 }
+// A cube [-16, 16]^3 in the middle of the room, with a bevel at its edge x = y = 16.
+inline void add_brush(LevelContent& c, std::uint8_t contents = 1, std::uint32_t model = 0) {
+    Brush b;
+    b.contents = contents, b.model = model;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        for (const int sign : {1, -1}) b.planes.push_back(add_axial_plane(c, axis, sign * 16) + (sign < 0 ? 1u : 0u)), b.source_sides.push_back(0);
+    b.bevels.push_back({{std::sqrt(0.5), std::sqrt(0.5), 0}, 32 * std::sqrt(0.5)});
+    if (model == 0) c.leaves[0].brushes.push_back(static_cast<std::uint32_t>(c.brushes.size()));
+    c.brushes.push_back(b);
+}
 inline LevelContent constant_room(Float3 e, bool directional = false) {
     return room(0, directional, [&](std::size_t, std::uint32_t, std::uint32_t) {
         const float s = 1 / std::sqrt(3.0f);
@@ -183,6 +193,12 @@ inline LevelContent mixture(std::uint64_t seed, std::uint32_t size = 20, std::ui
         b.model = below(3), b.contents = static_cast<std::uint8_t>(below(11)), b.source_id = static_cast<std::int32_t>(i) + 7;
         b.source_entity = 2, b.source_line = static_cast<std::int32_t>(below(1000));
         for (std::uint32_t k = 4 + below(4); k-- > 0;) b.planes.push_back(below(planes)), b.source_sides.push_back(static_cast<std::int32_t>(below(99)));
+        for (std::size_t slot = 0; slot < 6 && i % 3; ++slot) {
+            Bevel bevel;
+            bevel.normal[slot / 2] = slot % 2 ? 1 : -1, bevel.distance = 0.125 * i + static_cast<double>(slot);
+            b.bevels.push_back(bevel);
+        }
+        if (i % 4 == 0) b.bevels.push_back({{0.6, 0, -0.8}, -9.5 - i});
         c.brushes.push_back(b);
     }
     for (std::uint32_t i = 0; i < 4; ++i) {
@@ -263,6 +279,38 @@ inline LevelContent mixture(std::uint64_t seed, std::uint32_t size = 20, std::ui
         e.model = static_cast<std::int32_t>(below(4)) - 1, e.source_id = static_cast<std::int32_t>(i), e.source_line = 3;
         for (std::uint32_t k = below(4); k-- > 0;) e.keys.emplace_back("key" + std::to_string(below(3)), std::to_string(random()));
         c.entities.push_back(e);
+    }
+    const auto number = [&](double lo, double hi) { return static_cast<float>(real(lo, hi)); };
+    for (std::uint32_t i = 0; i < faces; i += 4) {
+        c.faces[i].curved = true;
+        for (std::uint32_t t = 0; t < c.faces[i].triangle_count; ++t) {
+            std::array<CurveCorner, 3> corners_of_triangle;
+            for (CurveCorner& corner : corners_of_triangle)
+                corner = {{number(1, 20), number(1, 20)}, {number(-3, 3), number(-3, 3)}, number(0, 1)};
+            c.curve_corners.push_back(corners_of_triangle);
+        }
+    }
+    for (std::uint32_t power = 2; power <= 4; ++power) {
+        Displacement d;
+        d.face = power == 3 ? UINT32_MAX : 4 * (power - 2), d.model = below(3), d.material = below(4), d.plane = below(planes);
+        d.power = power, d.flags = below(16);
+        for (Double3& p : d.base) p = vec(500);
+        const std::uint32_t side = (1u << power) + 1;
+        for (std::uint32_t v = 0; v < side * side; ++v) {
+            d.positions.push_back(f3(vec(500))), d.alphas.push_back(number(0, 1));
+            if (power == 4) d.multiblend.push_back({number(0, 1), number(0, 1), number(0, 1), number(0, 1)});
+        }
+        if (power != 3)
+            for (std::uint32_t t = 0; t < 2u << (2 * power); ++t) d.triangle_tags.push_back(static_cast<std::uint16_t>(below(65536)));
+        d.source_entity = 0, d.source_brush = 40, d.source_side = 7, d.source_line = static_cast<std::int32_t>(100 + power);
+        c.displacements.push_back(std::move(d));
+    }
+    for (std::uint32_t i = 0; i < 2; ++i) {
+        CurvedPatch p;
+        p.face = i ? 8 : UINT32_MAX, p.model = below(3), p.material = below(4), p.columns = 3 + i, p.rows = 5;
+        for (std::uint32_t v = 0; v < p.columns * p.rows; ++v) p.positions.push_back(f3(vec(500))), p.uv.push_back({number(-2, 2), number(-2, 2)});
+        p.source_entity = 3, p.source_patch = static_cast<std::int32_t>(i), p.source_line = 77;
+        c.patches.push_back(std::move(p));
     }
     return c;
 }

@@ -54,6 +54,12 @@ TEST(Cli, EveryTruncationOfAMapEndsInADocumentedWay) {
     }
 }
 
+TEST(Cli, AMapThatBeginsWithAVersionIsNoVmf) { // as those of Doom 3 do
+    const Workplace w;
+    const Outcome o = w.run({"build", w.write("doom.map", "Version 2\n" + lit_room()), "-o", w.path("out.kiln"), "--stop-after", "world", "-q"});
+    EXPECT_EQ(o.code, 0) << o.said;
+}
+
 TEST(Cli, FaultyBrushesAreNamedAndTheRestIsBuilt) {
     const Workplace w;
     const std::string good = room(128, 96, 80);
