@@ -1,9 +1,6 @@
 #include "compiler/compile.h"
 #include "compiler/stage.h"
-#include "formats/quake_map/quake_map.h"
-#include "formats/vmf/vmf.h"
 #include <algorithm>
-#include <cctype>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -21,7 +18,6 @@ Hash geometry_key(const World& world) {
         w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws, b.collides, b.blocks, b.displaced);
     for (const WorldBrush& b : world.brushes)
         if (b.contents == Contents::occluder || b.contents == Contents::vis_cluster) w(b.entity); // those of one entity act together
-    w(world.overlays);
     w(world.materials, world.format, world.model_count);
     return hash_bytes(w.bytes);
 }
@@ -57,13 +53,45 @@ Hash entity_lines_key(const World& world) { // what the messages of stages that 
     for (const WorldEntity& e : world.entities) w(e.line, e.id);
     return hash_bytes(w.bytes);
 }
+Hash sky_key(const World& world) { // where 3D skies are, and where players start, which tells whether they are rooms of their own
+    ByteWriter w;
+    const auto name = [](const WorldEntity& e) { return lower_case(e.get("classname")); };
+    if (std::ranges::any_of(world.entities, [&](const WorldEntity& e) { return e.has_origin && name(e) == "sky_camera"; }))
+        for (const WorldEntity& e : world.entities)
+            if (e.has_origin && (name(e) == "sky_camera" || name(e).starts_with("info_player"))) w(name(e), e.origin);
+    for (const WorldBrush& b : world.brushes) // what messages of area portals, occluders and clusters show
+        if (b.contents == Contents::area_portal || b.contents == Contents::occluder || b.contents == Contents::vis_cluster) {
+            const WorldEntity& e = world.entities[b.entity.at()];
+            w(std::string(e.get("classname")), std::string(e.get("targetname")), e.line, e.id);
+        }
+    return hash_bytes(w.bytes);
+}
 Hash smoothing_key(const World& world) { // keys of entities that steer surfaces
     ByteWriter w;
     for (const WorldBrush& b : world.brushes) {
         const WorldEntity& e = world.entities[b.entity.at()];
-        for (const char* key : {"_phong", "_phong_angle", "_phong_angle_concave"}) w(std::string(e.get(key)));
+        for (const char* key : {"_phong", "_phong_angle", "_phong_angle_concave", "_phong_group"}) w(std::string(e.get(key)));
     }
     return hash_bytes(w.bytes);
+}
+// Overlays lie on surfaces and change nothing else of them.
+Hash overlays_key(const World& world) {
+    ByteWriter w;
+    w(world.overlays);
+    for (const WorldOverlay& o : world.overlays) {
+        const WorldEntity& e = world.entities[o.entity.at()];
+        w(world.name_of(e.file), e.line, e.id); // what the messages show
+    }
+    return hash_bytes(w.bytes);
+}
+// The surfaces that light falls on: moving an overlay lights nothing anew.
+Hash without_overlays(Surfaces& s, Hash all_of_it) {
+    if (s.overlay_fragments.empty()) return all_of_it;
+    auto fragments = std::exchange(s.overlay_fragments, {});
+    auto points = std::exchange(s.overlay_points, {});
+    const Hash hash = hash_of(s);
+    s.overlay_fragments = std::move(fragments), s.overlay_points = std::move(points);
+    return hash;
 }
 Hash lights_key(std::vector<Light> lights) {
     for (Light& l : lights) l.entity = {}; // its number in the file does not light anything
@@ -86,8 +114,16 @@ template <class... T> Hash all(const T&... parts) {
     return hash_bytes(w.bytes);
 }
 
-Result<Document> read_map(const TextFile& map, Context& context) {
-    return is_vmf(map) ? read_vmf(map.bytes, map.name, context) : read_quake_map(map.bytes, map.name, context);
+// `files`: of the bytes of all that were opened, in their order.
+Result<Document> read_map(const CompileInput& input, const AssembleOptions& options, Hash& files, Context& context) {
+    files = hash_bytes(input.map.bytes);
+    const OpenMap open = [&](const std::string& wanted, const std::string& from) -> Result<TextFile> {
+        if (!input.open) return fault(Exit::input, "cannot-read", "other maps are not read here");
+        Result<TextFile> file = input.open(wanted, from);
+        if (file) files = all(files, hash_bytes(file->bytes));
+        return file;
+    };
+    return assemble(input.map, open, options, context);
 }
 Result<World> make_world(const Document& document, const CompileInput& input, const WorldOptions& options, Context& context) {
     MaterialDatabase materials;
@@ -109,29 +145,13 @@ Fault leak_fault(const World& world, const Leak& leak) {
 
 } // namespace
 
-// VMF text begins with a word (versioninfo, world, ...); Quake-family text with a brace, a comment or "Version 2".
-bool is_vmf(const TextFile& map) {
-    const auto& b = map.bytes;
-    std::size_t i = b.size() >= 3 && b[0] == 0xEF && b[1] == 0xBB && b[2] == 0xBF ? 3 : 0;
-    for (; i < b.size(); ++i) {
-        if (std::isspace(b[i])) continue;
-        if (b[i] == '/' && i + 1 < b.size() && b[i + 1] == '/') {
-            while (i < b.size() && b[i] != '\n') ++i;
-            continue;
-        }
-        const std::string_view text(reinterpret_cast<const char*>(b.data()), b.size());
-        const bool doom3 = equal_ignoring_case(text.substr(i, 7), "version") && i + 7 < b.size() && std::isspace(b[i + 7]); // "Version 2"
-        return (std::isalpha(b[i]) != 0 && !doom3) || b[i] == '"';
-    }
-    return map.name.ends_with(".vmf");
-}
-
 Result<bool> compile(const CompileInput& input, const CompileOptions& options, const CompileRun& run, Context& context,
                      Compiled& out) try {
     StageRunner stages(run, context, out.stages);
     const auto done = [&](Stage stage) { return run.last == stage; };
 
-    if (auto r = stages.run_always(Stage::read, out.document, [&] { return read_map(input.map, context); }); !r) return r;
+    Hash files; // what the map was read from
+    if (auto r = stages.run_always(Stage::read, out.document, [&] { return read_map(input, options.assemble, files, context); }); !r) return r;
     if (done(Stage::read)) return true;
 
     if (auto r = stages.run_always(Stage::world, out.world, [&] { return make_world(out.document, input, options.world, context); }); !r) return r;
@@ -147,14 +167,14 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     BspOptions bsp_options = options.bsp;
     bsp_options.allow_leaks = false; // is for the leak test alone
     const auto make_bsp = [&] {
-        return stages.run(Stage::bsp, 2, all(*csg, geometry, bsp_options), places, out.bsp,
+        return stages.run(Stage::bsp, 4, all(*csg, geometry, sky_key(world), bsp_options), places, out.bsp,
                           [&] { return build_bsp(world, out.csg, bsp_options, context); });
     };
     auto bsp = make_bsp();
     if (!bsp) return bsp.fault();
     auto leaks = find_leaks(world, out.csg, out.bsp, options.bsp, context); // the one thing here that asks for entities
     if (!leaks) return leaks.fault();
-    out.leak = std::move(leaks->leak);
+    out.leak = std::move(leaks->leak), out.leaks = std::move(leaks->leaks);
     if (out.leak && !options.bsp.allow_leaks) return leak_fault(world, *out.leak);
     if (out.leak) {
         bsp_options.fill = false;
@@ -163,7 +183,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.portals = vis_portals(out.bsp);
     if (done(Stage::bsp)) return true;
 
-    const auto surfaces = stages.run(Stage::surfaces, 3, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), options.surfaces), places, out.surfaces,
+    const auto surfaces = stages.run(Stage::surfaces, 3, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;
@@ -176,7 +196,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.lights = read_lights(world, context);
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
-    const Hash lit = all(*surfaces, *bsp, hash_of(world.materials), lights_key(out.lights));
+    const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), lights_key(out.lights));
     const auto light = stages.run(Stage::light, 2, all(lit, options.light), places, out.lighting,
                                   [&] { return bake_light(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options.light, context); });
     if (!light) return light.fault();
@@ -200,7 +220,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
 
     const auto packed = stages.run_always(Stage::pack, out.level, [&]() -> Result<Bytes> {
         const PackInput content{world, out.csg, out.bsp, out.visibility, out.surfaces, out.lights, out.lighting, out.ambient, out.probes,
-                                options_json(options), to_hex(hash_of(std::make_pair(input.map.bytes, hash_of(world.materials)))), kVersion};
+                                options_json(options), to_hex(all(files, hash_of(world.materials))), kVersion};
         return pack(content, {.zstd_level = options.zstd_level, .strip = options.strip}, context);
     });
     if (!packed) return packed;
@@ -225,7 +245,8 @@ std::string options_json(const CompileOptions& o) {
          {{"error_percent", o.ambient.error_percent}, {"coarsest", o.ambient.coarsest}, {"finest", o.ambient.finest},
           {"local_lights", o.ambient.local_lights}, {"rays", o.ambient.rays}, {"lattice_offset", o.ambient.lattice_offset}, {"seed", o.ambient.seed}}},
         {"probes", {{"default_size", o.probes.default_size}, {"prefilter_samples", o.probes.prefilter_samples}, {"supersample", o.probes.supersample}, {"seed", o.probes.seed}}},
-        {"pack", {{"zstd_level", o.zstd_level}, {"strip", o.strip}}}};
+        {"pack", {{"zstd_level", o.zstd_level}, {"strip", o.strip}}},
+        {"assemble", {{"cordon", o.assemble.cordon}}}};
     return j.dump();
 }
 

@@ -4,6 +4,7 @@
 // exactly those and the stage's version; a stage whose key is found is not run again. Diagnostics are kept with the
 // result, so that a warm build reports what the cold one did.
 #pragma once
+#include "compiler/assemble/assemble.h"
 #include "compiler/pack/pack.h"
 #include "libs/store/store.h"
 #include <functional>
@@ -25,23 +26,18 @@ struct CompileOptions {
     ProbesOptions probes;
     int zstd_level = 9;
     bool strip = false;
+    AssembleOptions assemble;
     template <class A> void fields(A& a) {
-        a(world, csg, bsp, visibility, surfaces, light, ambient, probes, zstd_level, strip);
+        a(world, csg, bsp, visibility, surfaces, light, ambient, probes, zstd_level, strip, assemble);
     }
 };
 std::string options_json(const CompileOptions& options); // stable text, recorded in the level
 
-struct TextFile { // what the caller read; the compiler opens no files of itself
-    std::string name;
-    Bytes bytes;
-};
 struct CompileInput {
     TextFile map;
     std::vector<TextFile> materials; // JSON, in order of precedence: later wins
     std::vector<TextFile> lights_rad;
-    // Another map that the map names (func_instance, misc_external_map): `wanted` as the map spells it, `from` the name
-    // of the file that says so. Its bytes under the name it was found by; nothing: it cannot be read. Absent: none can.
-    std::function<std::optional<TextFile>(const std::string& wanted, const std::string& from)> open;
+    OpenMap open; // other maps that the map names; absent: none can be read
 };
 
 struct StageReport {
@@ -56,7 +52,8 @@ struct Compiled {
     World world;
     Csg csg;
     Bsp bsp;
-    std::optional<Leak> leak;
+    std::optional<Leak> leak; // the first of
+    std::vector<Leak> leaks;
     std::vector<VisPortal> portals;
     Visibility visibility;
     Surfaces surfaces;
@@ -77,7 +74,5 @@ struct CompileRun { // what cannot change the result
 // Fills `out` stage by stage. A fault ends it: leak (unless allowed), unreadable map, nothing to compile, cancelled.
 Result<bool> compile(const CompileInput& input, const CompileOptions& options, const CompileRun& run, Context& context,
                      Compiled& out);
-
-bool is_vmf(const TextFile& map); // by its first word, not by its name
 
 } // namespace kiln

@@ -94,30 +94,6 @@ private:
     }
 };
 
-void number_clusters(Bsp& bsp) {
-    for (BspLeaf& l : bsp.leaves)
-        if (l.open() && !l.outside) l.cluster = ClusterId{bsp.cluster_count++};
-}
-
-void number_areas(Bsp& bsp, const std::vector<bool>& area_portal) {
-    std::vector<std::vector<std::uint32_t>> neighbours(bsp.leaves.size());
-    for (const BspPortal& p : bsp.portals) {
-        neighbours[p.leaf_front.at()].push_back(p.leaf_back.value);
-        neighbours[p.leaf_back.at()].push_back(p.leaf_front.value);
-    }
-    for (std::uint32_t l = 0; l < bsp.leaves.size(); ++l) {
-        if (!bsp.leaves[l].cluster.valid() || bsp.leaves[l].area || area_portal[l]) continue;
-        bsp.leaves[l].area = ++bsp.area_count;
-        std::vector<std::uint32_t> stack{l};
-        while (!stack.empty()) {
-            const std::uint32_t at = stack.back();
-            stack.pop_back();
-            for (const std::uint32_t n : neighbours[at])
-                if (!bsp.leaves[n].area && !area_portal[n]) bsp.leaves[n].area = bsp.area_count, stack.push_back(n);
-        }
-    }
-}
-
 } // namespace
 
 std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, double tolerance) {
@@ -174,17 +150,21 @@ Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& opti
 
     std::vector<LeafId> new_leaf;
     bsp::Pruner(tree, outside, out, new_leaf);
-    bsp::number_clusters(out);
+    out.leaf_water.assign(out.leaves.size(), UINT32_MAX);
     if (options.fill) out.closed = bsp::closed_gaps(world, csg, space, tree, portals, outside, new_leaf);
     for (BspPortal& p : portals) {
         if (outside[p.leaf_front.at()] || outside[p.leaf_back.at()]) continue;
         p.leaf_front = new_leaf[p.leaf_front.at()], p.leaf_back = new_leaf[p.leaf_back.at()];
         out.portals.push_back(std::move(p));
     }
-    std::vector<bool> area_portal(out.leaves.size());
+    std::vector<std::vector<BrushId>> portals_in(out.leaves.size());
     for (std::size_t l = 0; l < tree.leaves.size(); ++l)
-        if (tree.leaves[l].area_portal && new_leaf[l].valid()) area_portal[new_leaf[l].at()] = true;
-    bsp::number_areas(out, area_portal);
+        if (!tree.leaves[l].area_portals.empty() && new_leaf[l].valid()) portals_in[new_leaf[l].at()] = tree.leaves[l].area_portals;
+    bsp::number_areas(out, portals_in);
+    bsp::number_clusters(world, csg, space, out, context);
+    bsp::find_area_portals(world, csg, portals_in, out, options.fill, context);
+    bsp::find_waters(world, csg, out);
+    bsp::find_occluders(world, csg, space, out, context);
     context.say("bsp", 0.8);
     out.visible = bsp::visible_fragments(csg, space, out);
     context.say("bsp", 1);
@@ -258,12 +238,35 @@ void validate(const Bsp& bsp, const Csg& csg) {
         KILN_CHECK(!l.bounds.empty());
         KILN_CHECK(l.cluster.valid() == (l.open() && !l.outside));
         KILN_CHECK(!(l.outside && l.contents == Contents::solid));
-        if (l.cluster.valid()) KILN_CHECK_OP(l.cluster.value, ==, clusters++);
+        if (l.cluster.valid()) { // numbers in the order in which they are met
+            KILN_CHECK_OP(l.cluster.value, <=, clusters);
+            clusters += l.cluster.value == clusters;
+        }
         KILN_CHECK(l.cluster.valid() || l.area == 0);
         KILN_CHECK_OP(l.area, <=, bsp.area_count);
         KILN_CHECK(std::ranges::is_sorted(l.brushes));
     }
     KILN_CHECK_OP(clusters, ==, bsp.cluster_count);
+    KILN_CHECK_OP(bsp.leaf_water.size(), ==, bsp.leaves.size());
+    for (std::size_t l = 0; l < bsp.leaves.size(); ++l) {
+        const BspLeaf& leaf = bsp.leaves[l];
+        const bool liquid = leaf.contents == Contents::water || leaf.contents == Contents::slime || leaf.contents == Contents::lava;
+        KILN_CHECK((bsp.leaf_water[l] != UINT32_MAX) == (liquid && leaf.cluster.valid()));
+        if (bsp.leaf_water[l] == UINT32_MAX) continue;
+        KILN_CHECK_OP(bsp.leaf_water[l], <, bsp.waters.size());
+        const WaterVolume& water = bsp.waters[bsp.leaf_water[l]];
+        KILN_CHECK(water.contents == leaf.contents);
+        KILN_CHECK_OP(water.min_z, <=, leaf.bounds.lo.z);
+    }
+    for (const AreaPortal& p : bsp.area_portals) {
+        KILN_CHECK_OP(p.areas[0], <=, p.areas[1]);
+        KILN_CHECK_OP(p.areas[1], <=, bsp.area_count);
+        KILN_CHECK_OP(p.winding.size(), ==, p.polygon.size());
+    }
+    for (const Occluder& o : bsp.occluders) {
+        KILN_CHECK(!o.fragments.empty() && o.area <= bsp.area_count);
+        for (const std::uint32_t f : o.fragments) KILN_CHECK(csg.fragments[f].behind == Contents::occluder);
+    }
     for (const BspPortal& p : bsp.portals) {
         KILN_CHECK(p.leaf_front != p.leaf_back);
         KILN_CHECK(p.plane == p.polygon.support);

@@ -30,9 +30,10 @@ std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& spac
                 stack.emplace_back(node.child[poly.polygon.support == node.plane ? 0 : 1], std::move(poly));
                 continue;
             }
-            Halves halves = cut(space, std::move(poly), Splitter(node.plane, node.normal, node.distance));
-            if (halves.back) stack.emplace_back(node.child[1], std::move(*halves.back));
-            if (halves.front) stack.emplace_back(node.child[0], std::move(*halves.front));
+            Poly behind;
+            const unsigned s = divide(space, poly, Splitter(node.plane, node.normal, node.distance), behind);
+            if (s & kBack) stack.emplace_back(node.child[1], std::move(s == kBoth ? behind : poly));
+            if (s & kFront) stack.emplace_back(node.child[0], std::move(poly));
         }
     }
     return visible;

@@ -111,6 +111,7 @@ std::vector<std::uint32_t> add_brushes(const PackInput& in, const CollisionBrush
         level::Brush brush;
         brush.model = b.model.valid() ? b.model.value : 0;
         brush.contents = static_cast<std::uint8_t>(b.contents);
+        brush.blocks = b.blocks;
         brush.source_entity = where.entity, brush.source_id = b.id, brush.source_line = b.line;
         for (std::size_t k = 0; k < polytope.faces.size(); ++k) {
             brush.planes.push_back(polytope.faces[k].support.value);
@@ -135,6 +136,7 @@ void add_faces(const PackInput& in, level::LevelContent& out) {
         face.chart = f.chart.value;
         face.probe = i < in.probes.face_probe.size() ? in.probes.face_probe[i] : UINT32_MAX;
         face.drawn = f.drawn, face.sky = f.sky, face.two_sided = f.two_sided, face.blocks_light = f.blocks_light;
+        face.no_dynamic_shadow = in.world.sides[f.side.at()].no_dynamic_shadow;
         face.tangent = floats(f.tangent.t), face.bitangent = floats(f.tangent.b), face.normal = floats(f.normal);
         face.u_axis = doubles(texture.u_axis), face.v_axis = doubles(texture.v_axis);
         face.u_scale = texture.u_scale, face.v_scale = texture.v_scale;
@@ -153,6 +155,24 @@ void add_faces(const PackInput& in, level::LevelContent& out) {
         }
         out.faces.push_back(face);
     }
+}
+
+void add_spaces(const PackInput& in, const std::vector<std::uint32_t>& level_brush, level::LevelContent& out) {
+    const auto winding = [](std::span<const Vec3> points) {
+        std::vector<level::Float3> floats_of;
+        for (const Vec3& p : points) floats_of.push_back(floats(p));
+        return floats_of;
+    };
+    for (const AreaPortal& p : in.bsp.area_portals)
+        out.area_portals.push_back({static_cast<std::int32_t>(in.world.brushes[p.brush.at()].entity.value), level_brush[p.brush.at()], p.areas, winding(p.winding)});
+    for (const Occluder& o : in.bsp.occluders) {
+        level::OccluderInfo occluder{static_cast<std::int32_t>(o.entity.value), o.area, {}};
+        for (const std::uint32_t f : o.fragments) occluder.polygons.push_back(winding(points(in.csg.planes, in.csg.fragments[f].polygon)));
+        out.occluders.push_back(std::move(occluder));
+    }
+    for (const WaterVolume& w : in.bsp.waters)
+        out.waters.push_back({static_cast<std::uint8_t>(w.contents), static_cast<float>(w.surface_z), static_cast<float>(w.min_z), w.has_surface, w.material.value});
+    if (!out.waters.empty()) out.leaf_water = in.bsp.leaf_water;
 }
 
 std::array<float, 2> floats(Vec2 v) { return {static_cast<float>(v.x), static_cast<float>(v.y)}; }
@@ -305,6 +325,28 @@ void add_lights(const PackInput& in, level::LevelContent& out) {
     }
 }
 
+void add_overlays(const PackInput& in, level::LevelContent& out) {
+    for (const WorldOverlay& o : in.world.overlays) {
+        level::OverlayInfo info;
+        info.kind = static_cast<std::uint32_t>(o.kind), info.material = o.material.value;
+        info.entity = o.entity.valid() ? static_cast<std::int32_t>(o.entity.value) : -1;
+        info.render_order = o.render_order;
+        info.fade_min = static_cast<float>(o.fade_min), info.fade_max = static_cast<float>(o.fade_max);
+        out.overlays.push_back(std::move(info));
+    }
+    const std::vector<std::uint32_t> level_face = level_faces(in.surfaces);
+    for (const OverlayFragment& f : in.surfaces.overlay_fragments) {
+        level::OverlayPiece piece;
+        piece.face = level_face[f.face.at()];
+        for (std::size_t i = f.first_point; i < std::size_t{f.first_point} + f.point_count; ++i) {
+            const OverlayPoint& p = in.surfaces.overlay_points[i];
+            piece.points.push_back(floats(p.position));
+            piece.uv.push_back({static_cast<float>(p.uv.x), static_cast<float>(p.uv.y)});
+        }
+        out.overlays[f.overlay].pieces.push_back(std::move(piece));
+    }
+}
+
 } // namespace
 
 level::LevelContent level_content(const PackInput& in, Context& context) {
@@ -316,7 +358,9 @@ level::LevelContent level_content(const PackInput& in, Context& context) {
     out.rnm_encoding = static_cast<std::uint8_t>(in.lighting.encoding);
     out.model_count = std::max(1u, in.world.model_count);
     add_planes(in.csg.planes, out);
-    add_tree(in, add_brushes(in, build_collision(in.csg, context), out), out);
+    const std::vector<std::uint32_t> level_brush = add_brushes(in, build_collision(in.csg, context), out);
+    add_tree(in, level_brush, out);
+    add_spaces(in, level_brush, out);
     for (const Material& m : in.world.materials) {
         level::MaterialInfo material;
         material.name = m.name, material.albedo_map = m.albedo_map, material.normal_map = m.normal_map;
@@ -331,6 +375,7 @@ level::LevelContent level_content(const PackInput& in, Context& context) {
     for (const Curve& curve : in.surfaces.curves) add_curve(in, curve, out);
     add_charts(in, out);
     add_lights(in, out);
+    add_overlays(in, out);
     for (const WorldEntity& e : in.world.entities) {
         level::EntityInfo entity;
         for (const DocKey& k : e.keys) entity.keys.emplace_back(k.key, k.value);

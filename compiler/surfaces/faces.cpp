@@ -70,12 +70,20 @@ struct Group {
     std::vector<ClusterId> clusters; // parallel to polygons
 };
 
-double phong_angle(const World& world, const WorldBrush& brush) {
-    if (!brush.entity.valid()) return 0;
-    const WorldEntity& entity = world.entities[brush.entity.at()];
-    constexpr double kUsual = 89; // what the Quake tools take where `_phong 1` comes alone
-    if (const double angle = entity.number("_phong_angle", 0); angle > 0) return angle;
-    return entity.number("_phong", 0) > 0 ? kUsual : 0;
+constexpr double kUsualPhong_deg = 89;   // what the Quake tools take where `_phong 1` comes alone
+constexpr double kSourceSmooth_deg = 45; // vrad's -smooth where nothing else is said
+
+void read_smoothing(const World& world, const WorldSide& side, const WorldBrush& brush, const SurfacesOptions& options, FaceDraft& draft) {
+    draft.smoothing_groups = side.smoothing_groups;
+    if (brush.entity.valid()) {
+        const WorldEntity& entity = world.entities[brush.entity.at()];
+        const double angle = entity.number("_phong_angle", 0);
+        draft.phong_angle_deg = angle > 0 ? std::min(angle, 180.0) : entity.number("_phong", 0) > 0 ? kUsualPhong_deg : 0;
+        draft.phong_concave_deg = std::clamp(entity.number("_phong_angle_concave", 0), 0.0, 180.0);
+        draft.phong_group = static_cast<int>(std::clamp(entity.number("_phong_group", 0), -1e9, 1e9));
+    }
+    const double usual = options.smoothing_angle_deg >= 0 ? options.smoothing_angle_deg : world.format == MapFormat::vmf ? kSourceSmooth_deg : 0;
+    if (!side.smoothing_groups) draft.phong_angle_deg = std::max(draft.phong_angle_deg, usual);
 }
 
 BrushId brush_of(const World& world, SideId side) {
@@ -162,8 +170,7 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
         face.hull = visibility.hull;
         draft.lit = visibility.lit;
         draft.luxel_size = side.lightmap_scale > 0 && std::isfinite(side.lightmap_scale) ? side.lightmap_scale : 16;
-        draft.smoothing_groups = group.gap ? 0 : side.smoothing_groups;
-        draft.phong_angle_deg = group.gap ? 0 : std::max(phong_angle(world, brush), side.smoothing_groups ? 0.0 : options.smoothing_angle_deg);
+        if (!group.gap) read_smoothing(world, side, brush, options, draft);
         if (!tangent_frame(side.texture, face.normal, face.tangent) && face.drawn)
             context.report(Severity::warning, "texture-axes-degenerate",
                            fmt::format("the texture axes of '{}' do not span the face: its tangent frame is arbitrary",

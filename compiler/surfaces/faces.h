@@ -16,6 +16,8 @@ struct FaceDraft {
     double phong_angle_deg = 0;      // 0: not by angle
     // Faces of curves have no loops: what is seen of them, in convex polygons that overlap nowhere, luxel coordinates.
     std::vector<std::vector<Vec2>> seen;
+    double phong_concave_deg = 0;    // where faces meet in a groove; 0: the same angle
+    int phong_group = 0;             // smoothed by angle with faces of the same group only
 };
 
 std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,

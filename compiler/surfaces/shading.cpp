@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 namespace kiln {
 namespace {
@@ -18,12 +19,41 @@ bool curves_smooth_together(const Surfaces& s, const Face& f, const Face& g) {
     return f.curve == g.curve || s.curves[f.curve].kind == Curve::displacement || dot(f.normal, g.normal) > kPatchEdge;
 }
 
-bool smooth_together(const Surfaces& s, const FaceDraft& f, const FaceDraft& g) {
+
+// Common bits of these groups make an edge hard, whatever other groups the faces share.
+constexpr std::uint32_t kHardEdgeGroups = 0xFF000000;
+
+// Whether two faces round a vertex meet in a groove: there each lies in front of the other's plane. Triangles that share an edge
+// tell; where none do, all of both faces round the vertex. The sum makes it one answer for both faces.
+bool in_groove(const Surfaces& s, std::span<const std::uint32_t> fan, FaceId f, FaceId g, std::uint32_t vertex) {
+    double at_edges = 0, anywhere = 0;
+    bool edge = false;
+    const Vec3 v = s.positions[vertex];
+    const auto middle = [&](std::uint32_t t) { return (s.positions[s.triangles[t][0]] + s.positions[s.triangles[t][1]] + s.positions[s.triangles[t][2]]) / 3.0; };
+    for (const std::uint32_t t : fan)
+        for (const std::uint32_t u : fan) {
+            if (s.triangle_face[t] != f || s.triangle_face[u] != g) continue;
+            std::size_t shared = 0;
+            for (const std::uint32_t p : s.triangles[t]) shared += static_cast<std::size_t>(std::ranges::count(s.triangles[u], p));
+            const double height = dot(s.faces[f.at()].normal, normalize(middle(u) - v)) + dot(s.faces[g.at()].normal, normalize(middle(t) - v));
+            anywhere += height;
+            if (shared >= 2) edge = true, at_edges += height;
+        }
+    return (edge ? at_edges : anywhere) > 0;
+}
+
+template <class Groove> bool smooth_together(const Surfaces& s, const FaceDraft& f, const FaceDraft& g, Groove&& groove) {
     if (f.face.curved() || g.face.curved()) return curves_smooth_together(s, f.face, g.face); // drawn or buried
     if (!f.face.drawn || !g.face.drawn) return false;
-    if (f.smoothing_groups || g.smoothing_groups) return (f.smoothing_groups & g.smoothing_groups) != 0;
-    const double limit = std::min(f.phong_angle_deg, g.phong_angle_deg);
+    const std::uint32_t common = f.smoothing_groups & g.smoothing_groups;
+    if (f.smoothing_groups || g.smoothing_groups) return common != 0 && (common & kHardEdgeGroups) == 0;
+    if (f.phong_group != g.phong_group) return false;
+    double limit = std::min(f.phong_angle_deg, g.phong_angle_deg);
     if (!(limit > 0)) return false;
+    if ((f.phong_concave_deg > 0 || g.phong_concave_deg > 0) && groove()) {
+        const auto angle = [](const FaceDraft& d) { return d.phong_concave_deg > 0 ? d.phong_concave_deg : d.phong_angle_deg; };
+        limit = std::min(angle(f), angle(g));
+    }
     constexpr double kSlack = 1e-9; // an edge of exactly the limit is smooth
     return dot(f.face.normal, g.face.normal) >= std::cos(limit * std::numbers::pi / 180) - kSlack;
 }
@@ -47,13 +77,14 @@ void shade_corners(Surfaces& s, const std::vector<FaceDraft>& drafts, const Adja
         if (!may_smooth(own)) continue;
         for (std::size_t c = 0; c < 3; ++c) {
             const std::uint32_t fan = adjacency.fan[t][c];
+            const std::span around(adjacency.fan_triangles.data() + adjacency.fan_first[fan], adjacency.fan_first[fan + 1] - adjacency.fan_first[fan]);
             Vec3 sum;
             bool bent = false;
-            for (std::uint32_t i = adjacency.fan_first[fan]; i < adjacency.fan_first[fan + 1]; ++i) {
-                const std::uint32_t u = adjacency.fan_triangles[i];
+            for (const std::uint32_t u : around) {
                 const FaceDraft& other = drafts[s.triangle_face[u].at()];
                 const bool same = s.triangle_face[u] == s.triangle_face[t];
-                if (!same && !smooth_together(s, own, other)) continue;
+                const auto groove = [&] { return in_groove(s, around, s.triangle_face[t], s.triangle_face[u], s.triangles[t][c]); };
+                if (!same && !smooth_together(s, own, other, groove)) continue;
                 bent = bent || other.face.plane != own.face.plane || (own.face.curved() && other.face.normal != own.face.normal);
                 sum += other.face.normal * angle_at(s, u, s.triangles[t][c]);
             }

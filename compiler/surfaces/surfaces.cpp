@@ -3,6 +3,7 @@
 #include "compiler/surfaces/curves.h"
 #include "compiler/surfaces/faces.h"
 #include "compiler/surfaces/luxels.h"
+#include "compiler/surfaces/overlays.h"
 #include "compiler/surfaces/shading.h"
 #include "compiler/surfaces/tjunctions.h"
 #include "libs/core/check.h"
@@ -83,6 +84,7 @@ Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& b
                      {.file = world.file});
     context.check_cancelled();
     make_luxels(s, drafts, vertices, context);
+    add_overlays(s, world, context);
     context.say("surfaces", 1);
     return s;
 }

@@ -113,6 +113,19 @@ struct Seam {
     std::uint32_t from = 0, to = 0; // positions
 };
 
+// A convex part of an overlay or decal on one triangle of a face, in the plane of the triangle: whoever draws it offsets it.
+struct OverlayFragment {
+    static constexpr bool kRawBytes = true;
+    std::uint32_t overlay = 0;      // index into World::overlays
+    FaceId face;
+    std::uint32_t first_point = 0, point_count = 0; // in Surfaces::overlay_points; counter-clockwise seen from the front
+};
+struct OverlayPoint {
+    static constexpr bool kRawBytes = true;
+    Vec3 position;                  // map units
+    Vec2 uv;                        // of the overlay's picture: 0..1 is once the whole of it, v down
+};
+
 struct Surfaces {
     std::vector<Vec3> positions;                             // map units
     std::vector<std::array<std::uint32_t, 3>> triangles;     // counter-clockwise seen from the front
@@ -129,10 +142,12 @@ struct Surfaces {
     std::uint32_t first_curved_face = UINT32_MAX;            // faces from here on are of curves
     std::vector<LuxelMap> luxel_maps;                        // of those faces
     std::vector<std::array<CurveCorner, 3>> curve_corners;   // of their triangles
+    std::vector<OverlayFragment> overlay_fragments;          // sorted by (overlay, face, triangle)
+    std::vector<OverlayPoint> overlay_points;                // grouped by fragment
     // Blockers that no face shows (light_blocker brushes), as extra faces with drawn = false, are in the same tables.
     template <class A> void fields(A& a) {
         a(positions, triangles, triangle_face, corner_normals, faces, charts, luxels, pieces, piece_points, seams,
-          texel_count, curves, first_curved_face, luxel_maps, curve_corners);
+          texel_count, curves, first_curved_face, luxel_maps, curve_corners, overlay_fragments, overlay_points);
     }
 
     const LuxelMap& luxel_map(FaceId curved_face) const { return luxel_maps[curved_face.value - first_curved_face]; }
@@ -172,9 +187,9 @@ inline SourceLocation location_of(const World& world, const Surfaces& s, FaceId 
 }
 
 struct SurfacesOptions {
-    // Faces are flat unless smoothing groups (VMF) or `_phong` keys say otherwise. Above 0: edges up to this angle
-    // are smooth too where neither face states groups.
-    double smoothing_angle_deg = 0;
+    // Edges up to this angle are smooth where neither face states smoothing groups; `_phong` keys may allow more. Below 0:
+    // 45 in a VMF, as its compilers do, else 0.
+    double smoothing_angle_deg = -1;
     // More texels than this are a fault (Exit::limit): a slip in a lightmap scale, not a level. Light takes some 150
     // bytes a texel.
     std::uint64_t most_texels = std::uint64_t{1} << 26;

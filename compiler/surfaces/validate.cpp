@@ -45,6 +45,21 @@ void check_faces(const Surfaces& s) {
     KILN_CHECK_OP(next, ==, s.triangles.size());
 }
 
+void check_overlays(const Surfaces& s) {
+    std::uint32_t next = 0;
+    const OverlayFragment* last = nullptr;
+    for (const OverlayFragment& f : s.overlay_fragments) {
+        KILN_CHECK_OP(f.first_point, ==, next);
+        KILN_CHECK_OP(f.point_count, >=, 3u);
+        next += f.point_count;
+        KILN_CHECK_OP(f.face.at(), <, s.faces.size());
+        KILN_CHECK(s.faces[f.face.at()].drawn);
+        KILN_CHECK(!last || std::tuple(last->overlay, last->face) <= std::tuple(f.overlay, f.face));
+        last = &f;
+    }
+    KILN_CHECK_OP(next, ==, s.overlay_points.size());
+}
+
 void check_charts(const Surfaces& s) {
     std::uint64_t texels = 0;
     for (std::size_t c = 0; c < s.charts.size(); ++c) {
@@ -156,6 +171,7 @@ void validate(const Surfaces& surfaces) {
     check_faces(surfaces);
     check_charts(surfaces);
     check_luxels(surfaces);
+    check_overlays(surfaces);
     check_curves(surfaces);
 }
 

@@ -41,10 +41,6 @@ constexpr std::string_view kHiddenVolumes[] = {
 };
 
 constexpr NotHandled kNotHandled[] = {
-    {"func_instance", Severity::warning, "not-handled-instance",
-     "{} func_instance entities are left out: instances are not read yet"},
-    {"misc_external_map", Severity::warning, "not-handled-instance",
-     "{} misc_external_map entities are left out: other maps are not read yet"},
     {"prop_static", Severity::warning, "not-handled-prop-static",
      "{} prop_static entities neither show nor cast shadows yet"},
     {"misc_model", Severity::warning, "not-handled-prop-static",
@@ -52,9 +48,6 @@ constexpr NotHandled kNotHandled[] = {
     {"prop_detail", Severity::warning, "not-handled-prop-detail", "{} prop_detail entities are not compiled yet"},
     {"prop_detail_sprite", Severity::warning, "not-handled-prop-detail",
      "{} prop_detail_sprite entities are not compiled yet"},
-    {"info_overlay", Severity::warning, "not-handled-overlay", "{} overlays are not compiled yet"},
-    {"infodecal", Severity::warning, "not-handled-decal", "{} decals are not compiled yet"},
-    {"_decal", Severity::warning, "not-handled-decal", "{} decals are not compiled yet"},
     {"sky_camera", Severity::warning, "not-handled-sky-camera",
      "{} sky_camera: the 3D skybox does not shade the map"},
     {"water_lod_control", Severity::note, "not-handled-water-lod",

@@ -3,6 +3,7 @@
 #include "compiler/world/curves.h"
 #include "compiler/world/entity_classes.h"
 #include "compiler/world/omitted_layers.h"
+#include "compiler/world/overlays.h"
 #include "compiler/world/regions.h"
 #include "compiler/world/row_flags.h"
 #include "compiler/world/side_list.h"
@@ -63,6 +64,7 @@ public:
             add_entity(entity, omitted[e] == 0);
         }
         finish_entities();
+        read_overlays(world_, database_, context_);
         report_counts();
         bool any = false;
         for (const WorldBrush& b : world_.brushes)
@@ -85,7 +87,7 @@ private:
     using MaterialKey = std::tuple<std::string, std::uint32_t, float, float>; // name, flags, emission, alpha
     std::map<MaterialKey, MaterialId> material_ids_;
     std::map<std::string, Counted, std::less<>> classes_;
-    Counted skipped_, hidden_patches_, mixed_, origin_in_world_, omitted_, unknown_bits_, outside_region_;
+    Counted skipped_, mixed_, origin_in_world_, omitted_, hidden_patches_, unknown_bits_, outside_region_;
     std::size_t omitted_brushes_ = 0, brushes_outside_region_ = 0;
     UnknownBits unknown_;
     Regions regions_;
@@ -328,7 +330,7 @@ private:
                 side.texture.in_repeats = false;
             }
             side.editor_vertices = s.vertices;
-            if (s.displacement >= 0) add_displacement(e, b, s, id<SideId>(index), use, side, brush);
+            if (s.displacement >= 0) add_displacement(e, b, s, use, index, brush);
         }
         // Only its displaced sides are left of such a brush: it seals, splits and hides nothing.
         if (brush.displaced) brush.contents = Contents::empty;
@@ -336,12 +338,11 @@ private:
     }
 
     // What cannot be built leaves its side as the flat side it was drawn on.
-    void add_displacement(const DocEntity& e, const DocBrush& b, const DocSide& s, SideId id, BrushUse use, WorldSide& side,
-                          WorldBrush& brush) {
+    void add_displacement(const DocEntity& e, const DocBrush& b, const DocSide& s, BrushUse use, std::size_t side_index, WorldBrush& brush) {
         const DocDisplacement& grid = document_.displacements[static_cast<std::size_t>(s.displacement)];
         const SourceLocation at{document_.name_of(b.file), grid.line > 0 ? grid.line : s.line, e.id, b.id, s.id};
         if (const auto flaw = flaw_of(grid)) {
-            context_.report(Severity::error, "displacement-invalid",
+            if (grid.power != 0) context_.report(Severity::error, "displacement-invalid",
                             fmt::format("a displacement cannot be built: {}; its side stays flat", *flaw), at);
             // The flat side must not seal what the displaced one would not have sealed.
             if (brush.contents == Contents::solid && use != BrushUse::model) brush.contents = Contents::detail;
@@ -353,8 +354,8 @@ private:
                                         e.get("classname")),
                             at);
         brush.displaced = true;
-        side.displacement = static_cast<std::int32_t>(world_.displacements.size());
-        world_.displacements.push_back({id, grid});
+        world_.sides[side_index].displacement = static_cast<std::int32_t>(world_.displacements.size());
+        world_.displacements.push_back({id<SideId>(side_index), grid});
     }
 
     void add_patch(const DocEntity& e, const DocPatch& p, std::size_t entity, BrushUse use, double scale, WorldEntity& out) {
@@ -379,7 +380,7 @@ private:
         }
         patch.material = intern(row, at);
         patch.lightmap_scale = scale;
-        patch.file = e.file;
+        patch.file = p.file;
         patch.grid = p;
         world_.patches.push_back(std::move(patch));
     }

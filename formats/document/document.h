@@ -39,7 +39,7 @@ struct DocTexture {
 //   base(v) + normals[v] * distances[v] + offsets[v] + elevation * (normal of the base face)
 struct DocDisplacement {
     int line = 0;
-    int power = 0;        // 2..4
+    int power = 0;        // 2..4; 0: unreadable, the reader has told
     Vec3 start{};         // map units
     double elevation = 0; // map units
     std::uint32_t flags = 0; // of the file: 2 no physics, 4 no hull, 8 no ray collision
@@ -59,6 +59,7 @@ struct DocDisplacement {
 struct DocPatch {
     int line = 0;
     int id = -1; // ordinal among brushes and patches of the entity
+    std::uint16_t file = 0; // index for Document::name_of
     std::string material;
     std::uint32_t columns = 0, rows = 0;  // control points; columns is the first number of the file
     std::vector<Vec3> points;             // map units; column by column, as the file has them: [column * rows + row]
@@ -66,7 +67,7 @@ struct DocPatch {
     std::int64_t contents = 0, surface_flags = 0, value = 0;
     std::array<std::uint32_t, 2> subdivisions{}; // patchDef3: fixed; 0: none stated
     template <class A> void fields(A& a) {
-        a(line, id, material, columns, rows, points, uv, contents, surface_flags, value, subdivisions);
+        a(line, id, file, material, columns, rows, points, uv, contents, surface_flags, value, subdivisions);
     }
 };
 

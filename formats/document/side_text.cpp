@@ -28,10 +28,15 @@ bool read_coordinate(std::string_view text, Decimal& out, const SourceLocation& 
 }
 
 void mend_texture_scale(DocTexture& texture, const SourceLocation& where, Context& context) {
-    if (texture.u_scale != 0 && texture.v_scale != 0) return;
+    const auto good = [](double scale) { return std::abs(scale) >= 1 / kLargestTextureNumber; };
+    if (good(texture.u_scale) && good(texture.v_scale)) return;
     context.report(Severity::warning, "texture-scale-zero", "a texture scale is zero; 1 is used", where);
-    if (texture.u_scale == 0) texture.u_scale = 1;
-    if (texture.v_scale == 0) texture.v_scale = 1;
+    if (!good(texture.u_scale)) texture.u_scale = 1;
+    if (!good(texture.v_scale)) texture.v_scale = 1;
+}
+
+void check_material(const DocSide& side, const SourceLocation& where, Context& context) {
+    if (side.material.empty()) context.report(Severity::warning, "material-missing", "a side names no material; it is built without", where);
 }
 
 std::size_t split_words(std::string_view text, std::span<std::string_view> words) {

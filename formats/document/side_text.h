@@ -12,8 +12,15 @@ namespace kiln {
 // an error at `where` and returns false.
 bool read_coordinate(std::string_view text, Decimal& out, const SourceLocation& where, Context& context);
 
-// A texture scale of zero cannot be divided by: 1 with a warning, as the original compilers do silently.
+// Numbers of texture projections beyond this would not fit the floats they end as; nor would the inverse of a scale below
+// its inverse.
+constexpr double kLargestTextureNumber = 1e30;
+
+// A texture scale of (next to) zero cannot be divided by: 1 with a warning, as the original compilers do silently.
 void mend_texture_scale(DocTexture& texture, const SourceLocation& where, Context& context);
+
+// A side without a material can still be built: a warning.
+void check_material(const DocSide& side, const SourceLocation& where, Context& context);
 
 // Text from an unknown file, fit to be shown: at most 40 bytes, control characters and bytes above 126 as '?'.
 std::string shown(std::string_view text);

@@ -182,6 +182,40 @@ const float* kiln_level_positions(const kiln_level* level, size_t* vertex_count)
 const uint32_t* kiln_level_triangles(const kiln_level* level, size_t* triangle_count);
 const float* kiln_level_corner_normals(const kiln_level* level, size_t* triangle_count); /* nine floats each */
 
+/* ---- What the game does with space: area portals, occluders, water. Each NULL and 0 where the level has none. */
+
+typedef struct kiln_area_portal { /* one func_areaportal brush */
+    int32_t entity;
+    uint32_t brush;
+    uint32_t area[2];                  /* ascending; equal or 0: it parts no two areas and is to be treated as open */
+    uint32_t first_point, point_count; /* into kiln_level_area_portal_points: convex, counter-clockwise seen from area[0] */
+} kiln_area_portal;
+typedef struct kiln_occluder { /* one func_occluder: what lies behind one of its polygons is hidden */
+    int32_t entity;
+    uint32_t area; /* that holds it; 0: none, or several */
+    uint32_t first_polygon, polygon_count;
+} kiln_occluder;
+typedef struct kiln_occluder_polygon { /* convex, counter-clockwise seen from its front: from there it hides what lies behind */
+    uint32_t first_point, point_count;
+} kiln_occluder_polygon;
+typedef struct kiln_water { /* liquid that hangs together under one surface */
+    uint32_t contents;       /* 4 water, 5 slime, 6 lava */
+    float surface_z, min_z;
+    uint32_t has_surface;    /* 0: it fills its room; surface_z is its highest point */
+    uint32_t material;       /* of the surface; KILN_NO_INDEX: none */
+} kiln_water;
+const kiln_area_portal* kiln_level_area_portals(const kiln_level* level, size_t* count);
+const float* kiln_level_area_portal_points(const kiln_level* level, size_t* point_count); /* three floats each */
+const kiln_occluder* kiln_level_occluders(const kiln_level* level, size_t* count);
+const kiln_occluder_polygon* kiln_level_occluder_polygons(const kiln_level* level, size_t* count);
+const float* kiln_level_occluder_points(const kiln_level* level, size_t* point_count);
+const kiln_water* kiln_level_waters(const kiln_level* level, size_t* count);
+const uint32_t* kiln_level_leaf_waters(const kiln_level* level, size_t* leaf_count); /* per leaf; KILN_NO_INDEX: dry */
+/* Per brush, what it stops: 1 players, 2 NPCs, 4 bullets, 8 sight. NULL in levels of older compilers. */
+enum { KILN_BLOCKS_PLAYERS = 1, KILN_BLOCKS_NPCS = 2, KILN_BLOCKS_BULLETS = 4, KILN_BLOCKS_SIGHT = 8 };
+const uint8_t* kiln_level_brush_blocks(const kiln_level* level, size_t* count);
+/* Per face, 1: shadows of moving things do not fall on it. NULL: on no face so. */
+const uint8_t* kiln_level_face_no_dynamic_shadow(const kiln_level* level, size_t* count);
 /* Displacements and patches; NULL with a count of 0 where the level has none. */
 const kiln_displacement* kiln_level_displacements(const kiln_level* level, size_t* count);
 const float* kiln_level_displacement_vertices(const kiln_level* level, size_t* count);  /* x y z alpha each */
@@ -227,7 +261,7 @@ typedef struct kiln_bevel {
 const kiln_bevel* kiln_level_brush_bevels(const kiln_level* level, uint32_t brush, size_t* count);
 
 /* What a trace looks for: the brushes of some contents and, where any KILN_FOR_ bit is set, of those only the ones that
- * stop one of these. */
+ * stop one of these (kiln_level_brush_blocks; of levels without, what their contents usually stop). */
 enum {
     KILN_CONTENTS_SOLID = 1 << 1,
     KILN_CONTENTS_DETAIL = 1 << 2, /* solid that does not seal */
@@ -241,7 +275,7 @@ enum {
     KILN_CONTENTS_TRIGGER = 1 << 10,
     KILN_CONTENTS_GRATE = 1 << 11,
 
-    KILN_FOR_PLAYERS = 1 << 24,
+    KILN_FOR_PLAYERS = 1 << 24, /* KILN_BLOCKS_PLAYERS << 24 */
     KILN_FOR_NPCS = 1 << 25,
     KILN_FOR_BULLETS = 1 << 26,
     KILN_FOR_SIGHT = 1 << 27,
@@ -292,6 +326,28 @@ kiln_status kiln_trace_model(const kiln_level* level, uint32_t model, const doub
 kiln_status kiln_point_contents(const kiln_level* level, const double point[3], uint32_t* contents);
 kiln_status kiln_model_point_contents(const kiln_level* level, uint32_t model, const double origin[3],
                                       const double point[3], uint32_t* contents);
+
+/* ---- Overlays and decals: pictures laid over faces -------------------------------------------------------- */
+
+typedef struct kiln_overlay {
+    uint32_t kind; /* 0 overlay (info_overlay), 1 decal */
+    uint32_t material;
+    int32_t entity;             /* it was drawn as; -1: unknown */
+    int32_t render_order;       /* higher ones lie on lower ones */
+    float fade_min, fade_max;   /* map units from the eye; < 0: never fades */
+    uint32_t first_fragment, fragment_count; /* into kiln_level_overlay_fragments; 0: it hits no face */
+} kiln_overlay;
+typedef struct kiln_overlay_fragment { /* convex, in the plane of its face, counter-clockwise seen from the front */
+    uint32_t face;                     /* its lightmap, model and clusters are the fragment's */
+    uint32_t first_point, point_count; /* into kiln_level_overlay_points; at least three */
+} kiln_overlay_fragment;
+typedef struct kiln_overlay_point {
+    float position[3];
+    float uv[2]; /* 0..1 is once the whole picture of the material, v down */
+} kiln_overlay_point;
+const kiln_overlay* kiln_level_overlays(const kiln_level* level, size_t* count);
+const kiln_overlay_fragment* kiln_level_overlay_fragments(const kiln_level* level, size_t* count);
+const kiln_overlay_point* kiln_level_overlay_points(const kiln_level* level, size_t* count);
 
 /* ---- Light on surfaces: irradiance E; a diffuse surface shows albedo / pi * E ------------------------------- */
 

@@ -100,10 +100,29 @@ KILN_ROWS(kiln_cube, cubes, cubes, Cubes, cubes)
 KILN_ROWS(kiln_cube_cell, cube_cells, cubes, Cubes, cells)
 KILN_ROWS(uint32_t, cube_lights, cubes, Cubes, lights)
 KILN_ROWS(kiln_probe, probes, probes, ProbeTable, rows)
+KILN_ROWS(kiln_area_portal, area_portals, area_portals, AreaPortals, rows)
+KILN_ROWS(kiln_occluder, occluders, occluders, Occluders, rows)
+KILN_ROWS(kiln_occluder_polygon, occluder_polygons, occluders, Occluders, polygons)
+KILN_ROWS(kiln_water, waters, waters, Waters, rows)
+KILN_ROWS(uint32_t, leaf_waters, waters, Waters, of_leaf)
+KILN_ROWS(uint8_t, brush_blocks, brush_blocks, BrushBlocks, bits)
+KILN_ROWS(uint8_t, face_no_dynamic_shadow, face_shadows, FaceShadows, bits)
 KILN_ROWS(kiln_displacement, displacements, displacements, Displacements, rows)
 KILN_ROWS(uint16_t, displacement_tags, displacements, Displacements, tags)
 KILN_ROWS(kiln_curved_patch, curved_patches, curved_patches, CurvedPatches, rows)
+KILN_ROWS(kiln_overlay, overlays, overlays, Overlays, rows)
+KILN_ROWS(kiln_overlay_fragment, overlay_fragments, overlays, Overlays, fragments)
+KILN_ROWS(kiln_overlay_point, overlay_points, overlays, Overlays, points)
 #undef KILN_ROWS
+
+const float* kiln_level_area_portal_points(const kiln_level* level, size_t* count) {
+    const auto* points = rows_or_null(member(level ? level->get_area_portals() : nullptr, &AreaPortals::points), count);
+    return points ? points->xyz : nullptr;
+}
+const float* kiln_level_occluder_points(const kiln_level* level, size_t* count) {
+    const auto* points = rows_or_null(member(level ? level->get_occluders() : nullptr, &Occluders::points), count);
+    return points ? points->xyz : nullptr;
+}
 
 const float* kiln_level_portal_points(const kiln_level* level, size_t* count) {
     const auto* points = rows_or_null(member(level ? level->get_portals() : nullptr, &Portals::points), count);

@@ -131,10 +131,16 @@ KILN_TABLE(ProbeTable, probes, "PROB")
 KILN_TABLE(Entities, entities, "ENTS")
 KILN_TABLE(Provenance, provenance, "PROV")
 KILN_TABLE(Materials, materials, "MATL")
+KILN_TABLE(Bevels, bevels, "BEVL")
+KILN_TABLE(AreaPortals, area_portals, "AREA")
+KILN_TABLE(Occluders, occluders, "OCCL")
+KILN_TABLE(Waters, waters, "WATR")
+KILN_TABLE(BrushBlocks, brush_blocks, "BBLK")
+KILN_TABLE(FaceShadows, face_shadows, "FSHD")
 KILN_TABLE(Displacements, displacements, "DISP")
 KILN_TABLE(CurvedPatches, curved_patches, "CURV")
 KILN_TABLE(CurveSources, curve_sources, "PRVC")
-KILN_TABLE(Bevels, bevels, "BEVL")
+KILN_TABLE(Overlays, overlays, "OVLY")
 #undef KILN_TABLE
 
 const CurveCorners* kiln_level::get_curve_corners() const {
@@ -385,11 +391,17 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("PROB"): return tell(level->probes, level->get_probes());
         case fourcc("ENTS"): return tell(level->entities, level->get_entities());
         case fourcc("PROV"): return tell(level->provenance, level->get_provenance());
+        case fourcc("BEVL"): return tell(level->bevels, level->get_bevels());
+        case fourcc("AREA"): return tell(level->area_portals, level->get_area_portals());
+        case fourcc("OCCL"): return tell(level->occluders, level->get_occluders());
+        case fourcc("WATR"): return tell(level->waters, level->get_waters());
+        case fourcc("BBLK"): return tell(level->brush_blocks, level->get_brush_blocks());
+        case fourcc("FSHD"): return tell(level->face_shadows, level->get_face_shadows());
         case fourcc("CRNR"): return tell(level->curve_corners, level->get_curve_corners());
         case fourcc("DISP"): return tell(level->displacements, level->get_displacements());
         case fourcc("CURV"): return tell(level->curved_patches, level->get_curved_patches());
         case fourcc("PRVC"): return tell(level->curve_sources, level->get_curve_sources());
-        case fourcc("BEVL"): return tell(level->bevels, level->get_bevels());
+        case fourcc("OVLY"): return tell(level->overlays, level->get_overlays());
         default: break;
         }
     }

@@ -31,8 +31,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-// What brushes stop, where the level says no more than their contents.
-std::uint32_t stops(std::uint32_t contents) {
+// What brushes stop, of levels that say no more than their contents.
+std::uint32_t stops_of_contents(std::uint32_t contents) {
     constexpr std::uint32_t kAll = KILN_FOR_PLAYERS | KILN_FOR_NPCS | KILN_FOR_BULLETS | KILN_FOR_SIGHT;
     if (contents & (KILN_CONTENTS_SOLID | KILN_CONTENTS_DETAIL)) return kAll;
     if (contents & KILN_CONTENTS_WINDOW) return kAll & ~static_cast<std::uint32_t>(KILN_FOR_SIGHT);
@@ -63,6 +63,8 @@ std::size_t depth_of(const std::vector<kiln_node>& nodes) {
     return depth;
 }
 
+static_assert(KILN_FOR_PLAYERS == KILN_BLOCKS_PLAYERS << 24 && KILN_FOR_SIGHT == KILN_BLOCKS_SIGHT << 24, "the same bits, moved");
+
 template <class T> const T& part(const kiln_level& level, const T* value, std::uint32_t id) {
     if (!value) {
         const kiln_status status = level.fault_of(id);
@@ -83,7 +85,7 @@ public:
     }
 
 private:
-    std::array<std::uint32_t, 64> slots_;
+    std::array<std::uint32_t, 256> slots_;
 };
 
 // A walk down the tree needs a place for each level of it; few trees are deeper than this.
@@ -113,11 +115,11 @@ public:
         double largest = 1;
         for (std::size_t k = 0; k < 3; ++k) {
             start_[k] = start[k], end_[k] = end[k], mins_[k] = mins[k], maxs_[k] = maxs[k];
-            lo_[k] = std::min(start[k], end[k]) + mins[k] - kRest, hi_[k] = std::max(start[k], end[k]) + maxs[k] + kRest;
             largest = std::max({largest, std::fabs(start[k]), std::fabs(end[k]), std::fabs(mins[k]), std::fabs(maxs[k])});
         }
         // A distance to a plane is three products and as many sums of numbers no larger than a few times this.
         rounding_ = largest * 0x1p-47;
+        bound();
     }
 
     void take(std::uint32_t brush) {
@@ -186,7 +188,7 @@ private:
     const Collision& c_;
     std::uint32_t contents_, who_;
     double start_[3], end_[3], mins_[3], maxs_[3];
-    double lo_[3], hi_[3]; // of all the way, and kRest around
+    double lo_[3], hi_[3]; // of the way to the first contact so far, and kRest around
     double rounding_ = 0;
     double contact_ = 1, fraction_ = 1; // of the way to the first contact; of the way to where the box rests then
     std::uint32_t brush_ = KILN_NO_INDEX, start_brush_ = KILN_NO_INDEX;
@@ -206,6 +208,13 @@ private:
     void stop(double contact, double fraction, std::uint32_t brush, const Collision::Plane* plane) {
         if (contact > contact_ || (contact == contact_ && brush >= brush_)) return;
         contact_ = contact, fraction_ = fraction, brush_ = brush, plane_ = plane;
+        bound();
+    }
+    void bound() {
+        for (std::size_t k = 0; k < 3; ++k) {
+            const double last = contact_ >= 1 ? end_[k] : start_[k] + std::max(0.0, contact_) * (end_[k] - start_[k]);
+            lo_[k] = std::min(start_[k], last) + mins_[k] - kRest, hi_[k] = std::max(start_[k], last) + maxs_[k] + kRest;
+        }
     }
 
     void clip(std::uint32_t brush, const Collision::Brush& b) {
@@ -284,6 +293,8 @@ Collision make_collision(const kiln_level& level) {
     const Leaves& leaves = part(level, level.get_leaves(), fourcc("LEAF"));
     const Bevels* bevels = level.get_bevels();
     if (!bevels && level.find(fourcc("BEVL")) != level.entries.size()) part(level, bevels, fourcc("BEVL")); // damaged
+    const BrushBlocks* blocks = level.get_brush_blocks();
+    if (!blocks && level.find(fourcc("BBLK")) != level.entries.size()) part(level, blocks, fourcc("BBLK")); // damaged
     Collision out;
     out.has_bevels = bevels != nullptr;
     out.depth = depth_of(nodes.rows);
@@ -292,7 +303,7 @@ Collision make_collision(const kiln_level& level) {
         Collision::Brush b{};
         for (std::size_t k = 0; k < 3; ++k) b.lo[k] = -kInfinity, b.hi[k] = kInfinity;
         b.contents = from.contents < 24 ? 1u << from.contents : 0;
-        b.stops = stops(b.contents);
+        b.stops = blocks ? std::uint32_t{blocks->bits[i]} << 24 : stops_of_contents(b.contents);
         b.first_plane = static_cast<std::uint32_t>(out.planes.size());
         const auto add = [&](const double* normal, double distance, std::uint32_t side) {
             require(std::fabs(normal[0]) <= 1.001 && std::fabs(normal[1]) <= 1.001 && std::fabs(normal[2]) <= 1.001 &&

@@ -267,6 +267,27 @@ Entities entities_of(const LevelContent& content) {
     }
     return out;
 }
+Overlays overlays_of(const LevelContent& content) {
+    Overlays out;
+    for (const OverlayInfo& o : content.overlays) {
+        kiln_overlay k{};
+        k.kind = o.kind, k.material = o.material, k.entity = o.entity, k.render_order = o.render_order;
+        k.fade_min = o.fade_min, k.fade_max = o.fade_max;
+        k.fragment_count = static_cast<std::uint32_t>(o.pieces.size());
+        out.rows.push_back(k);
+        for (const OverlayPiece& p : o.pieces) {
+            if (p.uv.size() != p.points.size()) throw std::invalid_argument("a part of an overlay has another number of texture coordinates than corners");
+            out.fragments.push_back({p.face, 0, static_cast<std::uint32_t>(p.points.size())});
+            for (std::size_t i = 0; i < p.points.size(); ++i) {
+                kiln_overlay_point point{};
+                copy(point.position, p.points[i]), copy(point.uv, p.uv[i]);
+                out.points.push_back(point);
+            }
+        }
+    }
+    return out;
+}
+
 Provenance provenance_of(const LevelContent& content) {
     Provenance out;
     for (const FaceInfo& f : content.faces)
@@ -280,6 +301,40 @@ Provenance provenance_of(const LevelContent& content) {
     for (const LocalLight& l : content.lights) out.lights.push_back({l.entity, -1, -1, l.line});
     return out;
 }
+
+// ---- Areas, occluders, water, bits
+
+template <class Row> std::uint32_t add_points(std::vector<Row>& points, const std::vector<Float3>& polygon) {
+    for (const Float3& p : polygon) points.push_back({{p[0], p[1], p[2]}});
+    return count(polygon.size());
+}
+AreaPortals area_portals_of(const LevelContent& content) {
+    AreaPortals out;
+    for (const AreaPortalInfo& p : content.area_portals) {
+        kiln_area_portal k{};
+        k.entity = p.entity, k.brush = p.brush;
+        copy(k.area, p.area);
+        k.point_count = add_points(out.points, p.polygon);
+        out.rows.push_back(k);
+    }
+    return out;
+}
+Occluders occluders_of(const LevelContent& content) {
+    Occluders out;
+    for (const OccluderInfo& o : content.occluders) {
+        out.rows.push_back({o.entity, o.area, 0, count(o.polygons.size())});
+        for (const auto& polygon : o.polygons) out.polygons.push_back({0, add_points(out.points, polygon)});
+    }
+    return out;
+}
+Waters waters_of(const LevelContent& content) {
+    Waters out;
+    for (const WaterInfo& w : content.waters) out.rows.push_back({w.contents, w.surface_z, w.min_z, w.has_surface, w.material});
+    out.of_leaf = content.leaf_water;
+    return out;
+}
+
+// ---- Displacements, patches
 
 Displacements displacements_of(const LevelContent& content) {
     Displacements out;
@@ -539,8 +594,18 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     file.add("ENTS", lump(entities_of(content), info));
     file.add("BEVL", lump(bevels_of(content), info));
     if (!options.strip) file.add("PROV", lump(provenance_of(content), info));
+    if (!content.area_portals.empty()) file.add("AREA", lump(area_portals_of(content), info));
+    if (!content.occluders.empty()) file.add("OCCL", lump(occluders_of(content), info));
+    if (!content.waters.empty()) file.add("WATR", lump(waters_of(content), info));
+    BrushBlocks blocks;
+    for (const Brush& b : content.brushes) blocks.bits.push_back(b.blocks);
+    if (!blocks.bits.empty()) file.add("BBLK", lump(blocks, info));
+    FaceShadows shadows;
+    for (const FaceInfo& f : content.faces) shadows.bits.push_back(f.no_dynamic_shadow);
+    if (std::ranges::find(shadows.bits, 1) != shadows.bits.end()) file.add("FSHD", lump(shadows, info));
     if (!options.strip && content.displacements.size() + content.patches.size() > 0)
         file.add("PRVC", lump(curve_sources_of(content), info));
+    if (!content.overlays.empty()) file.add("OVLY", lump(overlays_of(content), info));
     return file.finish();
 }
 

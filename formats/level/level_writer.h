@@ -52,6 +52,7 @@ struct Brush { // inside = behind all planes
     std::int32_t source_entity = -1, source_id = -1, source_line = 0;
     std::vector<std::int32_t> source_sides; // parallel to planes
     std::vector<Bevel> bevels;              // what it lacks for swept boxes: axial ones -x +x -y +y -z +z, then those of edges
+    std::uint8_t blocks = 15; // 1 players, 2 NPCs, 4 bullets, 8 sight
 };
 struct MaterialInfo {
     std::string name, albedo_map, normal_map;
@@ -68,6 +69,7 @@ struct FaceInfo {
     double u_scale = 1, v_scale = 1, u_shift = 0, v_shift = 0;
     bool curved = false; // its triangles lie in many planes; their corners are in LevelContent::curve_corners
     std::int32_t source_entity = -1, source_brush = -1, source_side = -1, source_line = 0;
+    bool no_dynamic_shadow = false;
 };
 struct ChartInfo {
     Double3 origin{}, s{}, t{};
@@ -116,9 +118,38 @@ struct ProbeInfo {
     Float3 box_lo{}, box_hi{};
     std::vector<Float3> texels; // mip, face, row, column
 };
+struct OverlayPiece { // convex, in the plane of its face, counter-clockwise seen from the front
+    std::uint32_t face = 0;
+    std::vector<Float3> points;
+    std::vector<std::array<float, 2>> uv; // parallel; 0..1 is once the whole picture, v down
+};
+struct OverlayInfo {
+    std::uint32_t kind = 0; // 0 overlay, 1 decal
+    std::uint32_t material = 0;
+    std::int32_t entity = -1, render_order = 0;
+    float fade_min = -1, fade_max = -1; // map units; < 0: none
+    std::vector<OverlayPiece> pieces;
+};
 struct EntityInfo {
     std::vector<std::pair<std::string, std::string>> keys;
     std::int32_t model = -1, source_id = -1, source_line = 0;
+};
+struct AreaPortalInfo {
+    std::int32_t entity = -1;
+    std::uint32_t brush = 0;
+    std::array<std::uint32_t, 2> area{}; // ascending
+    std::vector<Float3> polygon;         // counter-clockwise seen from area[0]
+};
+struct OccluderInfo {
+    std::int32_t entity = -1;
+    std::uint32_t area = 0;
+    std::vector<std::vector<Float3>> polygons;
+};
+struct WaterInfo {
+    std::uint8_t contents = 4;
+    float surface_z = 0, min_z = 0;
+    bool has_surface = true;
+    std::uint32_t material = UINT32_MAX;
 };
 
 struct CurveCorner { // of a triangle of a curved face
@@ -173,6 +204,11 @@ struct LevelContent {
     CubeGrid cubes;
     std::vector<ProbeInfo> probes;
     std::vector<EntityInfo> entities;
+    std::vector<AreaPortalInfo> area_portals;
+    std::vector<OccluderInfo> occluders;
+    std::vector<WaterInfo> waters;
+    std::vector<std::uint32_t> leaf_water; // per leaf, UINT32_MAX: dry; may be empty where there is no water
+    std::vector<OverlayInfo> overlays;
 };
 
 struct WriteOptions {

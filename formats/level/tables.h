@@ -227,6 +227,80 @@ struct Faces {
     }
 };
 
+// ---- Areas, occluders, water; what brushes and faces are besides. Lumps of their own, there only if they say something.
+
+struct Point3 { float xyz[3]; };
+
+struct AreaPortals {
+    std::vector<kiln_area_portal> rows;
+    std::vector<Point3> points;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        using P = kiln_area_portal;
+        std::uint32_t n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        io.rows(rows, n, &P::entity, &P::brush, &P::area, &P::point_count);
+        io.rows(points, prefix(rows, &P::first_point, &P::point_count), &Point3::xyz);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_area_portal& p : rows) {
+            require(p.entity >= 0 && static_cast<std::uint32_t>(p.entity) < info.entities, "an area portal names an entity that is not there");
+            require_index(p.brush, info.brushes, "an area portal names a brush that is not there");
+            require(p.area[0] <= p.area[1] && p.area[1] <= info.leaves, "an area portal has impossible areas");
+        }
+    }
+};
+
+struct Occluders {
+    std::vector<kiln_occluder> rows;
+    std::vector<kiln_occluder_polygon> polygons;
+    std::vector<Point3> points;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        using O = kiln_occluder;
+        using P = kiln_occluder_polygon;
+        std::uint32_t n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        io.rows(rows, n, &O::entity, &O::area, &O::polygon_count);
+        io.rows(polygons, prefix(rows, &O::first_polygon, &O::polygon_count), &P::point_count);
+        io.rows(points, prefix(polygons, &P::first_point, &P::point_count), &Point3::xyz);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_occluder& o : rows) {
+            require(o.entity >= 0 && static_cast<std::uint32_t>(o.entity) < info.entities, "an occluder names an entity that is not there");
+            require(o.area <= info.leaves, "an occluder has an impossible area");
+        }
+        for (const kiln_occluder_polygon& p : polygons) require(p.point_count >= 3, "an occluder's polygon has no area");
+    }
+};
+
+struct Waters {
+    std::vector<kiln_water> rows;
+    std::vector<std::uint32_t> of_leaf;
+    template <class Io> void io(Io& io, const kiln_info& info, bool) {
+        using W = kiln_water;
+        std::uint32_t n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        io.rows(rows, n, &W::contents, &W::surface_z, &W::min_z, &W::has_surface, &W::material);
+        io.column(of_leaf, info.leaves);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_water& w : rows) {
+            require(w.has_surface <= 1, "a water volume has an impossible surface");
+            require_optional(w.material, info.materials, "a water volume names a material that is not there");
+        }
+        for (const std::uint32_t w : of_leaf)
+            require(w == KILN_NO_INDEX || w < rows.size(), "a leaf names a water volume that is not there");
+    }
+};
+
+struct BrushBlocks {
+    std::vector<std::uint8_t> bits;
+    template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(bits, info.brushes); }
+};
+struct FaceShadows {
+    std::vector<std::uint8_t> bits; // 1: no dynamic shadows
+    template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(bits, info.faces); }
+};
+
 // ---- Curves. These lumps are only there where a level has what they hold; they state their own counts.
 
 struct CurveCorners { // of all triangles of faces with KILN_FACE_CURVED, in order
@@ -442,6 +516,34 @@ struct Bevels {
         for (const kiln_bevel& b : bevels) {
             const double square = b.normal[0] * b.normal[0] + b.normal[1] * b.normal[1] + b.normal[2] * b.normal[2];
             require(square > 0.999 && square < 1.001 && b.distance > -1e300 && b.distance < 1e300, "a bevel is no plane");
+        }
+    }
+};
+
+// ---- Overlays and decals
+
+struct Overlays {
+    std::vector<kiln_overlay> rows;
+    std::vector<kiln_overlay_fragment> fragments;
+    std::vector<kiln_overlay_point> points;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        using O = kiln_overlay;
+        std::uint32_t n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        io.rows(rows, n, &O::kind, &O::material, &O::entity, &O::render_order, &O::fade_min, &O::fade_max, &O::fragment_count);
+        using F = kiln_overlay_fragment;
+        io.rows(fragments, prefix(rows, &O::first_fragment, &O::fragment_count), &F::face, &F::point_count);
+        using P = kiln_overlay_point;
+        io.rows(points, prefix(fragments, &F::first_point, &F::point_count), &P::position, &P::uv);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_overlay& o : rows) {
+            require_index(o.material, info.materials, "an overlay names a material that is not there");
+            require(o.entity >= -1 && o.entity < static_cast<std::int64_t>(info.entities), "an overlay names an entity that is not there");
+        }
+        for (const kiln_overlay_fragment& f : fragments) {
+            require_index(f.face, info.faces, "a part of an overlay names a face that is not there");
+            require(f.point_count >= 3, "a part of an overlay has less than three corners");
         }
     }
 };

@@ -5,6 +5,10 @@
 namespace kiln::quake {
 namespace {
 
+// Texels or repeats a unit beyond which, and beyond whose inverse, no texture is meant; sizes of materials are yet to be
+// multiplied in.
+constexpr double kMost = 1e25;
+
 Vec3 rounded(const std::array<Decimal, 3>& p) {
     return {p[0].to_double(), p[1].to_double(), p[2].to_double()};
 }
@@ -79,7 +83,7 @@ void project_quark(DocTexture& texture, const PlanePoints& points, bool up_first
     const double det = aa * uu - au * au;
     if (!(det > 0) || !std::isfinite(det)) return;
     const Vec3 u = (along * uu - up * au) * (kTexels / det), v = (along * au - up * aa) * (kTexels / det);
-    if (!(length(u) > 0) || !(length(v) > 0)) return;
+    if (!(length(u) > 1 / kMost) || !(length(v) > 1 / kMost)) return;
     set_axis(texture.u_axis, texture.u_scale, u);
     set_axis(texture.v_axis, texture.v_scale, v);
     texture.u_shift = -dot(origin, u), texture.v_shift = -dot(origin, v);
@@ -91,10 +95,8 @@ bool project_primitive(DocTexture& texture, Vec3 normal, const TextureMatrix& m)
     const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
     const Vec3 u = base_u * m[0][0] + base_v * m[0][1], v = base_u * m[1][0] + base_v * m[1][1];
     texture.in_repeats = true;
-    // Beyond these no texture is meant, and sizes of materials could not be multiplied in.
-    constexpr double kLeast = 1e-30, kMost = 1e30;
-    const auto usable = [](double x) { return x > kLeast && x < kMost; };
-    if (det == 0 || !usable(length(u)) || !usable(length(v)) || !usable(1 + std::abs(m[0][2])) || !usable(1 + std::abs(m[1][2]))) {
+    const auto usable = [](double x) { return x > 1 / kMost && x < kMost; };
+    if (det == 0 || !usable(length(u)) || !usable(length(v)) || std::abs(m[0][2]) > kMost || std::abs(m[1][2]) > kMost) {
         texture.u_axis = base_u, texture.v_axis = base_v;
         texture.u_scale = texture.v_scale = 64;
         return false;

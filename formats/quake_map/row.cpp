@@ -36,10 +36,11 @@ struct RowReader {
         const std::string_view word = scanner.word(kAnyBracket);
         if (word.empty()) return unexpected(what);
         const std::optional<double> value = parse_number(word);
-        if (!value)
+        const bool good = value && std::abs(*value) <= kLargestTextureNumber;
+        if (!good)
             context.report(Severity::warning, "texture-number-unreadable",
-                           fmt::format("'{}' is no finite number ({}); 0 is used", shown(word), what), where);
-        out = value.value_or(0);
+                           fmt::format("'{}' is no number that can be used ({}); 0 is used", shown(word), what), where);
+        out = good ? *value : 0;
         return true;
     }
     bool point(std::array<Decimal, 3>& p) {
@@ -71,6 +72,11 @@ struct RowReader {
             name = scanner.word(kBlank);
         }
         out = name;
+        return true;
+    }
+    bool material(DocSide& side) {
+        if (!material(side.material)) return false;
+        check_material(side, where, context);
         return true;
     }
     bool matrix(TextureMatrix& m) {
@@ -145,7 +151,7 @@ bool read_row(Scanner& scanner, DocSide& side, RowFormat& format, const SourceLo
     RowReader r{scanner, context, where};
     for (auto& p : side.points)
         if (!r.point(p)) return false;
-    if (!r.material(side.material)) return false;
+    if (!r.material(side)) return false;
 
     DocTexture& t = side.texture;
     if (scanner.peek() == '[') {
@@ -196,7 +202,7 @@ bool read_primitive_row(Scanner& scanner, DocSide& side, bool by_equation, Vec3 
         normal = normal_of(side.points);
     }
     TextureMatrix matrix{};
-    if (!r.matrix(matrix) || !r.material(side.material)) return false;
+    if (!r.matrix(matrix) || !r.material(side)) return false;
     if (!project_primitive(side.texture, normal, matrix))
         context.report(Severity::warning, "texture-matrix-singular",
                        "the texture matrix takes the face to a line or a point; one repeat in 64 units is used", where);
@@ -227,7 +233,7 @@ bool read_patch(Scanner& scanner, DocPatch& patch, bool fixed, const SourceLocat
                 const std::string_view word = scanner.word(kAnyBracket);
                 const std::optional<double> value = parse_number(word);
                 const bool coordinate = &x < &n[3];
-                if (!value || (coordinate && std::abs(*value) > kLargestCoordinate)) {
+                if (!value || std::abs(*value) > (coordinate ? kLargestCoordinate : kLargestTextureNumber)) {
                     if (word.empty()) return r.unexpected("a number of a control point");
                     SourceLocation at = where;
                     at.line = scanner.line();

@@ -1,5 +1,6 @@
 #include "formats/vmf/side.h"
 #include "formats/document/side_text.h"
+#include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
 
@@ -23,7 +24,8 @@ bool set_plane(DocSide& side, std::string_view value, const SourceLocation& wher
 void set_axis(Vec3& axis, double& shift, double& scale, std::string_view value, const SourceLocation& where,
               Context& context) {
     std::array<double, 5> n{};
-    if (!read_numbers(value, n)) {
+    const auto usable = [](double x) { return std::abs(x) <= kLargestTextureNumber; };
+    if (!read_numbers(value, n) || !std::ranges::all_of(n, usable)) {
         context.report(
             Severity::warning, "texture-axis-unreadable",
             fmt::format("the texture axis '{}' is not [x y z shift] scale; the default axis is used", shown(value)),

@@ -3,7 +3,9 @@
 #include "formats/vmf/displacement.h"
 #include "formats/vmf/scanner.h"
 #include "formats/vmf/side.h"
+#include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <fmt/format.h>
 
 namespace kiln {
@@ -164,7 +166,8 @@ struct Reader {
                            {file, mins.line ? mins.line : cordon.line});
             return;
         }
-        cordon.box = {{lo[0], lo[1], lo[2]}, {hi[0], hi[1], hi[2]}};
+        const auto kept = [](double x) { return std::clamp(x, -kLargestCoordinate, kLargestCoordinate); }; // there is nothing beyond
+        cordon.box = {{kept(lo[0]), kept(lo[1]), kept(lo[2])}, {kept(hi[0]), kept(hi[1]), kept(hi[2])}};
         cordons.push_back(cordon);
     }
     void close_cordons() {
@@ -202,10 +205,11 @@ struct Reader {
             break;
         case Block::vertices: {
             std::array<double, 3> v{};
-            if (vertices_good && !read_numbers(value, v)) {
+            const auto near = [](double x) { return std::abs(x) <= kLargestCoordinate; };
+            if (vertices_good && !(read_numbers(value, v) && std::ranges::all_of(v, near))) {
                 vertices_good = false;
                 context.report(Severity::warning, "vertices-plus-invalid",
-                               fmt::format("the vertex '{}' is not three numbers; the vertices_plus of the side are ignored", shown(value)), here(line));
+                               fmt::format("the vertex '{}' is not three numbers that can be used; the vertices_plus of the side are ignored", shown(value)), here(line));
             }
             side.vertices.push_back({v[0], v[1], v[2]});
             break;
@@ -237,10 +241,8 @@ struct Reader {
             if (!vertices_good) side.vertices.clear();
             break;
         case Block::displacement:
-            if (auto grid = vmf::read_displacement(displacement, here(displacement.line), context)) {
-                side.displacement = static_cast<std::int32_t>(document.displacements.size());
-                document.displacements.push_back(std::move(*grid));
-            }
+            side.displacement = static_cast<std::int32_t>(document.displacements.size());
+            document.displacements.push_back(vmf::read_displacement(displacement, here(displacement.line), context).value_or(DocDisplacement{.line = displacement.line}));
             break;
         case Block::cordon_box:
             close_box();
@@ -259,6 +261,7 @@ struct Reader {
                                here(side.line));
                 brush_good = false;
             }
+            if (side.material.empty()) check_material(side, here(side.line), context);
             mend_texture_scale(side.texture, here(side.line), context);
             brush.sides.push_back(std::move(side));
             side = {};

@@ -1,5 +1,6 @@
 #include "tools/kiln/bake_options.h"
 #include "libs/core/file.h"
+#include "tools/kiln/map_files.h"
 #include "tools/kiln/materials.h"
 #include <filesystem>
 #include <fmt/format.h>
@@ -9,7 +10,7 @@
 namespace kiln {
 
 void BakeOptions::add_to(CLI::App& command) {
-    command.add_option("map", map, "The map: Valve .vmf or Quake-family .map")->required();
+    command.add_option("map", map, "The map: Valve .vmf, a manifest .vmm of several, or Quake-family .map")->required();
     auto* quality = command.add_option_group("Quality");
     quality->add_option_function<double>("--error", [this](double p) { compile.light.error_percent = p, error_given = true; },
                                          "Target error of the light, percent rRMSE (default 5)")
@@ -33,6 +34,8 @@ void BakeOptions::add_to(CLI::App& command) {
     geometry->add_flag("--allow-leaks", compile.bsp.allow_leaks, "Go on where the world leaks (no outside is removed)");
     geometry->add_option("--micro-gap", compile.bsp.micro_gap, "Openings narrower than this do not leak, map units (default 0.2)")
         ->check(CLI::Range(0.0, 16.0))->type_name("UNITS");
+    geometry->add_option("--smooth", compile.surfaces.smoothing_angle_deg, "Edges up to this angle are smooth where no smoothing groups are stated (default 45 in a VMF, else 0)")
+        ->check(CLI::Range(0.0, 180.0))->type_name("DEGREES");
     geometry->add_option("--plane-merge", compile.csg.plane_merge_distance, "Planes that coincide this closely over both faces become one, map units (default 1/64)")
         ->check(CLI::Range(0.0, 1.0))->type_name("UNITS");
     geometry->add_option("--curve-flatness", compile.surfaces.curve_flatness, "Patches are divided until their triangles lie this close to the curve, map units (default 0.5)")
@@ -41,6 +44,8 @@ void BakeOptions::add_to(CLI::App& command) {
     input->add_option("--materials", materials, "Material files (JSON), later ones win; NAME.materials.json beside the map is read by itself")->type_name("FILE");
     input->add_option("--textures", textures, "Folders of PNG textures named like the materials: size and mean colour are read")->type_name("DIR");
     input->add_option("--game-dir", game_dir, "A game folder: its textures/, materials/ and lights.rad are read")->type_name("DIR");
+    input->add_option("--instance-path", instance_paths, "Folders where instances and prefabs are looked for, after those of the map that names them")->type_name("DIR");
+    input->add_flag("--cordon", compile.assemble.cordon, "Build only what lies in the active cordons of a VMF, walled in with sky");
     input->add_option("--lights", lights_rad, "lights.rad files: emission by material name")->type_name("FILE");
     auto* running = command.add_option_group("Running");
     running->add_option("--threads", threads, "Worker threads (default: all); the result does not depend on it")->check(CLI::Range(0, 1024))->type_name("N");
@@ -93,8 +98,18 @@ Result<CompileInput> read_input(const BakeOptions& options, Context& context) {
     add_if_there(rads, stem_of(options.map) + ".rad");
     if (!options.game_dir.empty()) add_if_there(rads, options.game_dir + "/lights.rad");
 
+    input.open = map_opener(options.map, options.instance_paths);
+    Bytes texts = input.map.bytes; // of all files, for the textures they name
+    if (!texture_folders.empty()) {
+        Context silent; // the build itself tells what is wrong with them
+        (void)assemble(input.map, [&](const std::string& wanted, const std::string& from) {
+            Result<TextFile> file = input.open(wanted, from);
+            if (file) texts.insert(texts.end(), file->bytes.begin(), file->bytes.end());
+            return file;
+        }, {}, silent);
+    }
     for (const std::string& folder : texture_folders) {
-        auto found = materials_of_textures(folder, input.map.bytes, context);
+        auto found = materials_of_textures(folder, texts, context);
         if (!found) return found.fault();
         input.materials.push_back(*std::move(found));
     }
@@ -139,9 +154,12 @@ std::vector<std::string> translate_known_words(int argc, char** argv, std::vecto
         {"-threads", {{"--threads"}, 1, false, nullptr}},
         {"-game", {{"--game-dir"}, 1, false, nullptr}},
         {"-vproject", {{"--game-dir"}, 1, false, nullptr}},
+        {"-smooth", {{"--smooth"}, 1, false, nullptr}},
         {"-lights", {{"--lights"}, 1, false, nullptr}},
         {"-luxelscale", {{}, 1, true, "-luxelscale is not supported: use --luxel UNITS"}},
         {"-leaktest", {{}, 0, false, "-leaktest: a leak always ends the build (see --allow-leaks)"}},
+        {"-noleaktest", {{"--allow-leaks"}, 0, false, nullptr}},
+        {"-leakdist", {{}, 1, true, "-leakdist: points of a .pts are 4 units apart"}},
         {"-bounce", {{}, 1, true, "-bounce: all bounces are always solved"}},
         {"-extra", {{}, 0, false, "-extra: sampling follows --error"}},
         {"-extra4", {{}, 0, false, "-extra4: sampling follows --error"}},

@@ -11,6 +11,7 @@ struct BakeOptions {
     std::string map, cache, log_format = "text", encoding = "dot", directional = "needed";
     std::vector<std::string> materials, textures, lights_rad;
     std::string game_dir;
+    std::vector<std::string> instance_paths;
     CompileOptions compile;
     bool draft = false, final = false, error_given = false;
     double ambient_error = 0;
@@ -23,7 +24,7 @@ struct BakeOptions {
     int thread_count() const;
 };
 
-// Reads the map and what lies beside it: NAME.materials.json, lights.rad, NAME.rad, textures.
+// Reads the map and what lies beside it: NAME.materials.json, lights.rad, NAME.rad, textures; instances are found later.
 Result<CompileInput> read_input(const BakeOptions& options, Context& context);
 
 // Compiles up to `last`, printing as it goes. The exit code is 0 or that of the fault (already printed).

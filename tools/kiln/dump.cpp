@@ -140,6 +140,32 @@ Rows dump_charts(const Compiled& c) {
     }
     return rows;
 }
+Rows dump_overlays(const Compiled& c) {
+    Rows rows;
+    std::vector<std::pair<std::size_t, double>> parts(c.world.overlays.size()); // count, area
+    for (const OverlayFragment& f : c.surfaces.overlay_fragments) {
+        Vec3 twice;
+        const OverlayPoint* p = &c.surfaces.overlay_points[f.first_point];
+        for (std::uint32_t i = 1; i + 1 < f.point_count; ++i) twice += cross(p[i].position - p[0].position, p[i + 1].position - p[0].position);
+        parts[f.overlay].first++, parts[f.overlay].second += length(twice) / 2;
+    }
+    for (std::size_t i = 0; i < c.world.overlays.size(); ++i) {
+        const WorldOverlay& o = c.world.overlays[i];
+        rows.push_back({{"overlay", i}, {"kind", o.kind == WorldOverlay::decal ? "decal" : "overlay"}, {"material", c.world.materials[o.material.at()].name},
+                        {"entity", to_json(o.entity)}, {"line", c.world.location(o.entity).line}, {"origin", to_json(o.origin)}, {"render_order", o.render_order},
+                        {"fade", {o.fade_min, o.fade_max}}, {"sides", list(o.sides)}, {"fragments", parts[i].first}, {"area", parts[i].second}});
+    }
+    for (std::size_t i = 0; i < c.surfaces.overlay_fragments.size(); ++i) {
+        const OverlayFragment& f = c.surfaces.overlay_fragments[i];
+        Json points = Json::array();
+        for (std::uint32_t k = f.first_point; k < f.first_point + f.point_count; ++k) {
+            const OverlayPoint& p = c.surfaces.overlay_points[k];
+            points.push_back({p.position.x, p.position.y, p.position.z, p.uv.x, p.uv.y});
+        }
+        rows.push_back({{"fragment", i}, {"overlay", f.overlay}, {"face", to_json(f.face)}, {"points", points}});
+    }
+    return rows;
+}
 Rows dump_lights(const Compiled& c) {
     static constexpr const char* kKinds[] = {"point", "spot", "sun", "sky"};
     Rows rows;
@@ -192,7 +218,8 @@ struct Artefact {
 constexpr Artefact kArtefacts[] = {
     {"document", Stage::read, dump_document}, {"world", Stage::world, dump_world},      {"fragments", Stage::csg, dump_csg},
     {"bsp", Stage::bsp, dump_bsp},            {"portals", Stage::bsp, dump_portals}, {"vis", Stage::visibility, dump_vis},
-    {"faces", Stage::surfaces, dump_faces},   {"charts", Stage::surfaces, dump_charts}, {"curves", Stage::surfaces, dump_curves}, {"lights", Stage::light, dump_lights},
+    {"faces", Stage::surfaces, dump_faces},   {"charts", Stage::surfaces, dump_charts}, {"curves", Stage::surfaces, dump_curves}, {"overlays", Stage::surfaces, dump_overlays},
+    {"lights", Stage::light, dump_lights},
     {"patches", Stage::light, dump_patches},  {"cubes", Stage::ambient, dump_cubes},    {"probes", Stage::probes, dump_probes},
 };
 

@@ -79,7 +79,7 @@ protected:
 };
 
 TEST_F(Ridge, FlatWithoutGroups) {
-    const Surfaces s = build(b.world).surfaces;
+    const Surfaces s = build(b.world, false, 1, {.smoothing_angle_deg = 0}).surfaces;
     const std::vector<Vec3> n = at_ridge(s, 1);
     ASSERT_FALSE(n.empty());
     for (const Vec3& v : n) EXPECT_NEAR(length(v - normalize(Vec3{1, 0, 1})), 0, 1e-6);
@@ -105,6 +105,65 @@ TEST_F(Ridge, FlatWhereGroupsDiffer) {
     side(0).smoothing_groups = 0b0010, side(1).smoothing_groups = 0b0100;
     const Surfaces s = build(b.world).surfaces;
     EXPECT_EQ(std::ranges::count(s.charts, true, &Chart::smooth), 0);
+}
+
+TEST_F(Ridge, CommonBitsOfTheUpperEightAreHardEdges) {
+    for (const std::uint32_t bit : {0x01000000u, 0x80000000u}) {
+        side(0).smoothing_groups = side(1).smoothing_groups = 0b0100 | bit;
+        EXPECT_EQ(std::ranges::count(build(b.world).surfaces.charts, true, &Chart::smooth), 0);
+        side(1).smoothing_groups = 0b0100; // not common
+        EXPECT_EQ(std::ranges::count(build(b.world).surfaces.charts, true, &Chart::smooth), 2);
+    }
+    side(0).smoothing_groups = side(1).smoothing_groups = 0x00800000u; // the highest soft one
+    EXPECT_EQ(std::ranges::count(build(b.world).surfaces.charts, true, &Chart::smooth), 2);
+}
+
+TEST_F(Ridge, WithoutGroupsAVmfSmoothsUpTo45Degrees) {
+    // The ridge folds by 90; slopes and floor meet at 45, which is just allowed.
+    EXPECT_EQ(std::ranges::count(build(b.world).surfaces.charts, true, &Chart::smooth), 3);
+    EXPECT_EQ(std::ranges::count(build(b.world, false, 1, {.smoothing_angle_deg = 44.9}).surfaces.charts, true, &Chart::smooth), 0);
+    side(0).smoothing_groups = 1; // groups on one side only: hard
+    EXPECT_EQ(std::ranges::count(build(b.world).surfaces.charts, true, &Chart::smooth), 2);
+    b.world.format = MapFormat::quake_valve220;
+    EXPECT_EQ(std::ranges::count(build(b.world).surfaces.charts, true, &Chart::smooth), 0);
+}
+
+TEST_F(Ridge, GroovesHaveAnAngleOfTheirOwn) {
+    const SurfacesOptions none{.smoothing_angle_deg = 0};
+    std::vector<DocKey>& keys = b.world.entities[0].keys;
+    keys.push_back({"_phong_angle", "91", 1});
+    keys.push_back({"_phong_angle_concave", "1", 1});
+    const Surfaces s = build(b.world, false, 1, none).surfaces;
+    for (const Vec3& v : at_ridge(s, 1)) EXPECT_NEAR(v.x, 0, 1e-6); // the ridge is convex: smooth still
+    // The slopes meet the floor in grooves of 45 degrees: hard now; without the key the floor bends there.
+    keys.back().value = "0";
+    const Surfaces soft = build(b.world, false, 1, none).surfaces;
+    const auto bent_floor = [](const Surfaces& x) {
+        std::size_t n = 0;
+        for (std::size_t t = 0; t < x.triangles.size(); ++t)
+            for (std::size_t c = 0; c < 3; ++c) {
+                const Vec3 p = x.positions[x.triangles[t][c]];
+                n += x.faces[x.triangle_face[t].at()].normal == Vec3{0, 0, 1} && p.z == 0 && (p.x == 64 || p.x == 192) && x.corner_normals[t][c] != Vec3f{0, 0, 1};
+            }
+        return n;
+    };
+    EXPECT_EQ(bent_floor(s), 0u);
+    EXPECT_GT(bent_floor(soft), 0u);
+}
+
+TEST_F(Ridge, PhongGroupsStayApart) {
+    const SurfacesOptions none{.smoothing_angle_deg = 0};
+    WorldEntity group = b.world.entities[0];
+    group.keys = {{"classname", "func_group", 1}, {"_phong_angle", "50", 1}};
+    group.model = {};
+    b.world.entities.push_back(group);
+    b.world.brushes[ridge.at()].entity = id<EntityId>(b.world.entities.size() - 1);
+    b.world.entities[0].keys.push_back({"_phong_angle", "50", 1});
+    EXPECT_EQ(std::ranges::count(build(b.world, false, 1, none).surfaces.charts, true, &Chart::smooth), 3);
+    b.world.entities.back().keys.push_back({"_phong_group", "7", 1});
+    EXPECT_EQ(std::ranges::count(build(b.world, false, 1, none).surfaces.charts, true, &Chart::smooth), 0);
+    b.world.entities[0].keys.push_back({"_phong_group", "7", 1});
+    EXPECT_EQ(std::ranges::count(build(b.world, false, 1, none).surfaces.charts, true, &Chart::smooth), 3);
 }
 
 TEST_F(Ridge, PhongKeysSmoothUpToTheirAngle) {

@@ -193,13 +193,13 @@ TEST(World, LuxelSizeComesFromTheNearestKey) {
 
 TEST(World, WhatIsNotHandledIsToldOnceAKind) {
     std::string map = entity("worldspawn", box({"wall"}));
-    for (int i = 0; i < 3; ++i) map += entity("misc_model") + entity("infodecal");
+    for (int i = 0; i < 3; ++i) map += entity("misc_model") + entity("prop_detail");
     Context c;
     ASSERT_TRUE(build(map, c));
     EXPECT_EQ(count(c, "not-handled-prop-static"), 1u);
-    EXPECT_EQ(count(c, "not-handled-decal"), 1u);
-    EXPECT_TRUE(first(c, "not-handled-decal")->message.starts_with("3 decals"));
-    EXPECT_EQ(first(c, "not-handled-decal")->where.entity, 2);
+    EXPECT_EQ(count(c, "not-handled-prop-detail"), 1u);
+    EXPECT_TRUE(first(c, "not-handled-prop-detail")->message.starts_with("3 prop_detail"));
+    EXPECT_EQ(first(c, "not-handled-prop-detail")->where.entity, 2);
 }
 
 TEST(World, ADisplacedBrushFillsNothing) {
@@ -250,6 +250,32 @@ TEST(World, ADisplacedBrushFillsNothing) {
     spoilt([](DocDisplacement& g) { g.elevation = 1e9; });
     EXPECT_EQ(first(c, "displacement-invalid")->where.side, 1);
     EXPECT_EQ(first(c, "displacement-invalid")->where.brush, 2);
+    EXPECT_EQ(count(c, "origin-invalid"), 1u);
+    EXPECT_FALSE(w->entities[1].has_origin);
+}
+
+TEST(World, WhatCannotBeDisplacedStaysFlatAndSealsNothing) {
+    const std::string side = "side { \"id\" \"1\" \"plane\" \"(0 0 0) (0 64 0) (64 0 0)\" \"material\" \"wall\" "
+                             "\"lightmapscale\" \"32\" dispinfo { } }\n";
+    const std::string map = "world { \"id\" \"1\" \"classname\" \"worldspawn\" solid { \"id\" \"2\" " + side +
+                            side +
+                            " } }\n"
+                            "entity { \"id\" \"9\" \"classname\" \"prop_static\" \"origin\" \"nan 0 0\" }\n";
+    Context c;
+    const Result<Document> d =
+        read_vmf({reinterpret_cast<const std::uint8_t*>(map.data()), map.size()}, "t.vmf", c);
+    ASSERT_TRUE(d);
+    MaterialDatabase db;
+    const Result<World> w = build_world(*d, db, {}, c);
+    ASSERT_TRUE(w);
+    EXPECT_EQ(w->brushes[0].contents, Contents::detail);
+    EXPECT_EQ(w->sides[0].lightmap_scale, 32);
+    EXPECT_EQ(w->sides[0].displacement, -1);
+    EXPECT_FALSE(w->brushes[0].displaced);
+    EXPECT_TRUE(w->displacements.empty());
+    EXPECT_EQ(count(c, "displacement-power-invalid"), 2u); // told once, by the reader
+    EXPECT_EQ(count(c, "displacement-invalid"), 0u);
+    EXPECT_EQ(first(c, "displacement-power-invalid")->where.side, 1);
     EXPECT_EQ(count(c, "origin-invalid"), 1u);
     EXPECT_FALSE(w->entities[1].has_origin);
 }

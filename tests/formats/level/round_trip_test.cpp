@@ -384,6 +384,38 @@ TEST_P(RoundTrip, Curves) {
     EXPECT_EQ(next, content.curve_corners.size());
 }
 
+TEST_P(RoundTrip, Overlays) {
+    ASSERT_FALSE(content.overlays.empty());
+    ASSERT_EQ(level.overlays().size(), content.overlays.size());
+    std::size_t parts = 0, corners = 0;
+    for (std::size_t i = 0; i < content.overlays.size(); ++i) {
+        const OverlayInfo& o = content.overlays[i];
+        const kiln_overlay& got = level.overlays()[i];
+        EXPECT_EQ(got.kind, o.kind);
+        EXPECT_EQ(got.material, o.material);
+        EXPECT_EQ(got.entity, o.entity);
+        EXPECT_EQ(got.render_order, o.render_order);
+        EXPECT_EQ(got.fade_min, o.fade_min);
+        EXPECT_EQ(got.fade_max, o.fade_max);
+        ASSERT_EQ(got.fragment_count, o.pieces.size());
+        EXPECT_EQ(got.first_fragment, parts);
+        for (std::size_t k = 0; k < o.pieces.size(); ++k) {
+            const kiln_overlay_fragment& f = level.overlay_fragments()[parts++];
+            EXPECT_EQ(f.face, o.pieces[k].face);
+            EXPECT_EQ(f.first_point, corners);
+            ASSERT_EQ(f.point_count, o.pieces[k].points.size());
+            for (std::size_t v = 0; v < f.point_count; ++v) {
+                const kiln_overlay_point& p = level.overlay_points()[corners++];
+                expect_same(p.position, o.pieces[k].points[v]);
+                EXPECT_EQ(p.uv[0], o.pieces[k].uv[v][0]);
+                EXPECT_EQ(p.uv[1], o.pieces[k].uv[v][1]);
+            }
+        }
+    }
+    EXPECT_EQ(level.overlay_fragments().size(), parts);
+    EXPECT_EQ(level.overlay_points().size(), corners);
+}
+
 INSTANTIATE_TEST_SUITE_P(Encodings, RoundTrip, testing::Values(0, 1, 2), encoding_name);
 
 } // namespace
@@ -471,6 +503,27 @@ TEST(LevelWriter, ContradictionsAreRefused) {
     refused([](LevelContent& c) { c.faces[1].first_triangle = 7; });
     refused([](LevelContent& c) { c.charts[0].width = 0; });
     refused([](LevelContent& c) { c.rnm_encoding = 3; });
+}
+
+TEST(LevelWriter, OverlaysThatContradictThemselvesAreRefused) {
+    LevelContent c = test::mixture(3, 6, 0);
+    const auto refused = [&](auto&& change) {
+        LevelContent bad = c;
+        OverlayInfo o;
+        o.pieces.push_back({0, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 0}, {1, 0}, {0, 1}}});
+        change(o);
+        bad.overlays.push_back(o);
+        EXPECT_THROW(write_level(bad), std::invalid_argument);
+    };
+    refused([](OverlayInfo& o) { o.material = 999; });
+    refused([](OverlayInfo& o) { o.entity = 999; });
+    refused([](OverlayInfo& o) { o.pieces[0].face = 999; });
+    refused([](OverlayInfo& o) { o.pieces[0].uv.pop_back(); });
+    refused([](OverlayInfo& o) { o.pieces[0].points.pop_back(), o.pieces[0].uv.pop_back(); });
+    c.overlays.clear(); // no lump, no fault
+    const auto bytes = write_level(c);
+    const Level level(bytes);
+    EXPECT_TRUE(level.overlays().empty());
 }
 
 TEST(LevelWriter, AnEmptyLevelIsALevel) {

@@ -312,6 +312,18 @@ inline LevelContent mixture(std::uint64_t seed, std::uint32_t size = 20, std::ui
         p.source_entity = 3, p.source_patch = static_cast<std::int32_t>(i), p.source_line = 77;
         c.patches.push_back(std::move(p));
     }
+    for (std::uint32_t i = 0; i < size / 2; ++i) {
+        OverlayInfo o;
+        o.kind = below(2), o.material = below(4), o.entity = static_cast<std::int32_t>(below(size + 1)) - 1;
+        o.render_order = static_cast<std::int32_t>(below(4)), o.fade_min = static_cast<float>(real(-1, 5)), o.fade_max = 300;
+        for (std::uint32_t k = below(4); k-- > 0;) {
+            OverlayPiece p;
+            p.face = below(faces);
+            for (std::uint32_t v = 3 + below(5); v-- > 0;) p.points.push_back(f3(vec(100))), p.uv.push_back({static_cast<float>(real(0, 1)), static_cast<float>(real(-3, 3))});
+            o.pieces.push_back(p);
+        }
+        c.overlays.push_back(o);
+    }
     return c;
 }
 

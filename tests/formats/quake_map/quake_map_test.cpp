@@ -267,6 +267,9 @@ TEST(QuakeMap, UnusualText) {
         {row("( 0 0 0 ) ( 0 64 0 ) ( 64 0 -nan )"), "coordinate-not-a-number", 0},
         {row("( 0 0 0 ) ( 0 64 0 ) ( 64 0 1,5 )"), "coordinate-not-a-number", 0},
         {world(brush(kPoints + "a 0 0 0 nan 1\n")), "texture-number-unreadable", 1},
+        {world(brush(kPoints + "a 0 1e31 0 1 1\n")), "texture-number-unreadable", 1},
+        {world(brush(kPoints + "a 0 0 0 1e-31 1\n")), "texture-scale-zero", 1},
+        {world(brush(kPoints + "\"\" 0 0 0 1 1\n")), "material-missing", 1},
         {world(brush(kPoints + "a 0 0 0 1 1 0 0 0 what is this\n")), "row-extra-words", 1},
     };
     for (const auto& k : cases) {

@@ -123,9 +123,10 @@ TEST(VmfDisplacement, WhatCannotBeUsedLeavesTheFaceFlat) {
         Context c;
         const Result<Document> d = read(k.info, c);
         ASSERT_TRUE(d);
-        EXPECT_TRUE(d->displacements.empty());
         ASSERT_EQ(d->entities[0].brushes.size(), 1u);
-        EXPECT_EQ(d->entities[0].brushes[0].sides[0].displacement, -1);
+        EXPECT_EQ(d->entities[0].brushes[0].sides[0].displacement, 0);
+        ASSERT_EQ(d->displacements.size(), 1u); // known to be one, so that its brush seals nothing
+        EXPECT_EQ(d->displacements[0].power, 0);
         ASSERT_EQ(c.diagnostics().size(), 1u) << k.info;
         EXPECT_EQ(c.diagnostics()[0].code, k.code);
         EXPECT_EQ(c.diagnostics()[0].severity, Severity::error);

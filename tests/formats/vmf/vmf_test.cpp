@@ -150,7 +150,7 @@ TEST(Vmf, CordonsOfBothKinds) {
 
 TEST(Vmf, VerticesPlusThatCannotBeReadAreLeftOut) {
     Context c;
-    const Result<Document> d = read(world(solid(side(kPlane, "vertices_plus { \"v\" \"1 2 3\" \"v\" \"1 nan 3\" \"v\" \"x\" }"))), c);
+    const Result<Document> d = read(world(solid(side(kPlane, "vertices_plus { \"v\" \"1 2 3\" \"v\" \"1 2e5 3\" \"v\" \"x\" }"))), c);
     ASSERT_TRUE(d);
     ASSERT_EQ(d->entities[0].brushes.size(), 1u);
     EXPECT_TRUE(d->entities[0].brushes[0].sides[0].vertices.empty());
@@ -257,7 +257,7 @@ TEST(Vmf, FaultySidesLeaveTheirSolidOutAndAreAllTold) {
 TEST(Vmf, TextureFaultsAreMended) {
     Context c;
     const Result<Document> d = read(
-        world(solid(side(kPlane, "\"uaxis\" \"[1 0 0 0] 0\" \"vaxis\" \"[0 nan 0 0] 1\" \"lightmapscale\" \"0\""))),
+        world(solid(side(kPlane, "\"uaxis\" \"[1 0 0 0] 1e-31\" \"vaxis\" \"[0 nan 0 0] 1\" \"vaxis\" \"[0 1e31 0 0] 1\" \"lightmapscale\" \"0\" \"material\" \"\""))),
         c);
     ASSERT_TRUE(d);
     ASSERT_EQ(d->entities[0].brushes.size(), 1u);
@@ -265,7 +265,8 @@ TEST(Vmf, TextureFaultsAreMended) {
     EXPECT_EQ(s.texture.u_scale, 1);
     EXPECT_EQ(s.lightmap_scale, 16);
     EXPECT_EQ(count(c, "texture-scale-zero"), 1u);
-    EXPECT_EQ(count(c, "texture-axis-unreadable"), 1u);
+    EXPECT_EQ(count(c, "texture-axis-unreadable"), 2u);
+    EXPECT_EQ(count(c, "material-missing"), 1u);
     EXPECT_EQ(count(c, "lightmap-scale-invalid"), 1u);
 }
 

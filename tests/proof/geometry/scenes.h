@@ -62,6 +62,12 @@ inline World soup(std::uint64_t seed, int count, const SoupOptions& o = {}) {
     return w.world;
 }
 
+// Large luxels, for tests that look at faces alone: a huge wall has millions of the usual size.
+inline World with_large_luxels(World world) {
+    for (WorldSide& s : world.sides) s.lightmap_scale = 1024;
+    return world;
+}
+
 // Turned about z, then x, then each plane point put on the multiples of `step`: as an editor would that saves so.
 inline World turned(const World& world, double step, double about_z = 0.3217, double about_x = 1.1234) {
     World result = world;

@@ -1,0 +1,112 @@
+// Files that a map names, as they lie on disk: Windows spellings on a case-sensitive file system.
+#include "tests/support/program.h"
+
+using namespace kiln::test;
+
+namespace {
+
+std::string solid(int x) { // a box, one unit wide at x
+    const auto p = [](int a, int b, int c) { return "(" + std::to_string(a) + " " + std::to_string(b) + " " + std::to_string(c) + ")"; };
+    const auto side = [&](const std::string& plane) { return "side { \"plane\" \"" + plane + "\" \"material\" \"wall\" }\n"; };
+    return "solid {\n" + side(p(x, 0, 0) + p(x, 1, 0) + p(x, 0, 1)) + side(p(x + 1, 0, 0) + p(x + 1, 0, 1) + p(x + 1, 1, 0)) + side(p(0, 0, 0) + p(0, 0, 1) + p(1, 0, 0)) +
+           side(p(0, 1, 0) + p(1, 1, 0) + p(0, 1, 1)) + side(p(0, 0, 0) + p(1, 0, 0) + p(0, 1, 0)) + side(p(0, 0, 1) + p(0, 1, 1) + p(1, 0, 1)) + "}\n";
+}
+std::string vmf(const std::string& solids, const std::vector<std::string>& instances = {}) {
+    std::string text = "world {\n\"classname\" \"worldspawn\"\n" + solids + "}\n";
+    for (const std::string& file : instances) text += "entity {\n\"classname\" \"func_instance\"\n\"file\" \"" + file + "\"\n}\n";
+    return text;
+}
+std::string write(const Workplace& w, const std::string& name, const std::string& text) {
+    std::filesystem::create_directories(std::filesystem::path(w.path(name)).parent_path());
+    return w.write(name, text);
+}
+std::size_t brushes(const Outcome& o) {
+    std::size_t n = 0;
+    for (std::size_t at = o.out.find("brush "); at != std::string::npos; at = o.out.find("brush ", at + 1)) ++n;
+    return n;
+}
+bool says(const Outcome& o, const std::string& what) { return o.said.find(what) != std::string::npos; }
+
+} // namespace
+
+TEST(Files, InstancesAreFoundWhereverEditorsPutThem) {
+    const Workplace w;
+    // Beside the map; in the `maps` folder above it; named by an instance beside that; with a wrong ending and case.
+    const std::string map = write(w, "game/Maps/campaign/level.vmf", vmf(solid(0), {"parts/a", "Instances\\B.VMF", "./parts/A.vmf"}));
+    write(w, "game/Maps/campaign/Parts/a.vmf", vmf(solid(10)));
+    write(w, "game/Maps/instances/b.vmf", vmf(solid(20), {"c"}));
+    write(w, "game/Maps/instances/C.vmf", vmf(solid(30)));
+    const Outcome o = w.run({"dump", "document", map});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_FALSE(says(o, "instance-missing")) << o.said;
+    EXPECT_EQ(brushes(o), 5u) << o.out;
+}
+
+TEST(Files, InstancePathsComeLast) {
+    const Workplace w;
+    const std::string map = write(w, "level.vmf", vmf(solid(0), {"part"}));
+    write(w, "library/part.vmf", vmf(solid(1) + solid(2)));
+    EXPECT_TRUE(says(w.run({"dump", "document", map}), "instance-missing"));
+    EXPECT_EQ(brushes(w.run({"dump", "document", map, "--instance-path", w.path("library")})), 3u);
+    write(w, "part.vmf", vmf(solid(1)));
+    EXPECT_EQ(brushes(w.run({"dump", "document", map, "--instance-path", w.path("library")})), 2u);
+}
+
+TEST(Files, WhatIsMissingIsToldWithThePathsTried) {
+    const Workplace w;
+    const std::string map = write(w, "level.vmf", vmf(solid(0), {"no\\such", "folder", ""}));
+    std::filesystem::create_directories(w.path("folder"));
+    const Outcome o = w.run({"build", map, "--stop-after", "read"});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(says(o, "level.vmf:14: warning")) << o.said;
+    EXPECT_TRUE(says(o, w.path("no/such.vmf"))) << o.said;
+    EXPECT_EQ(w.run({"build", map, "--stop-after", "read", "--werror"}).code, 6);
+}
+
+TEST(Files, PrefabsOfQuakeMapsAndManifests) {
+    const Workplace w;
+    write(w, "prefab.map", world(box(0, 0, 0, 8, 8, 8) + box(9, 0, 0, 10, 1, 1)));
+    const std::string map = w.write("m.map", world(box(0, 0, 0, 1, 1, 1)) + entity("misc_external_map", 5, 0, 0, "\"_external_map\" \"PREFAB.map\"\n\"_external_map_classname\" \"func_detail\"\n"));
+    const Outcome o = w.run({"dump", "document", map});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_EQ(brushes(o), 3u) << o.out;
+    write(w, "a.vmf", vmf(solid(0)));
+    write(w, "b.vmf", vmf(solid(5)));
+    const Outcome m = w.run({"dump", "document", w.write("all.vmm", "\"Maps\"\n{\n\"VMF\"\n{\n\"File\" \"A.vmf\"\n}\n\"VMF\"\n{\n\"File\" \"b\"\n}\n}\n")});
+    EXPECT_EQ(m.code, 0) << m.said;
+    EXPECT_EQ(brushes(m), 2u) << m.out;
+}
+
+TEST(Files, CordonsAreAnOption) {
+    const Workplace w;
+    const std::string map = write(w, "level.vmf", vmf(solid(0)));
+    EXPECT_TRUE(says(w.run({"build", map, "--stop-after", "read", "--cordon"}), "cordon-none"));
+    EXPECT_FALSE(says(w.run({"build", map, "--stop-after", "read"}), "cordon"));
+}
+
+TEST(Files, AnInstanceInTheLevelBringsItsOverlay) {
+    // End to end: a room whose floor comes from an instance, with an overlay on it that names the floor's side.
+    const Workplace w;
+    const auto slab = [](int x0, int y0, int z0, int x1, int y1, int z1, int id) {
+        const auto p = [](int a, int b, int c) { return "(" + std::to_string(a) + " " + std::to_string(b) + " " + std::to_string(c) + ")"; };
+        const std::string planes[6] = {p(x0, y0, z0) + p(x0, y1, z0) + p(x0, y0, z1), p(x1, y0, z0) + p(x1, y0, z1) + p(x1, y1, z0), p(x0, y0, z0) + p(x0, y0, z1) + p(x1, y0, z0),
+                                       p(x0, y1, z0) + p(x1, y1, z0) + p(x0, y1, z1), p(x0, y0, z0) + p(x1, y0, z0) + p(x0, y1, z0), p(x0, y0, z1) + p(x0, y1, z1) + p(x1, y0, z1)};
+        std::string text = "solid {\n";
+        for (int i = 0; i < 6; ++i)
+            text += "side { \"id\" \"" + std::to_string(id + i) + "\" \"plane\" \"" + planes[i] + "\" \"material\" \"wall\" \"uaxis\" \"[1 0 0 0] 0.25\" \"vaxis\" \"[0 " + (i < 4 ? "0 -1" : "-1 0") + " 0] 0.25\" }\n";
+        return text + "}\n";
+    };
+    const std::string walls = slab(-16, -16, 128, 144, 144, 144, 1) + slab(-16, -16, 0, 0, 144, 128, 11) + slab(128, -16, 0, 144, 144, 128, 21) + slab(0, -16, 0, 128, 0, 128, 31) + slab(0, 128, 0, 128, 144, 128, 41);
+    write(w, "floor.vmf", "world {\n\"classname\" \"worldspawn\"\n" + slab(-16, -16, -16, 144, 144, 0, 1) +
+                              "}\nentity {\n\"classname\" \"info_overlay\"\n\"material\" \"decals/crack\"\n\"sides\" \"6\"\n\"BasisOrigin\" \"64 64 0\"\n\"BasisU\" \"1 0 0\"\n\"BasisV\" \"0 1 0\"\n\"BasisNormal\" \"0 0 1\"\n"
+                              "\"uv0\" \"-16 -8 0\"\n\"uv1\" \"-16 8 0\"\n\"uv2\" \"16 8 0\"\n\"uv3\" \"16 -8 0\"\n}\n");
+    const std::string map = write(w, "room.vmf", "world {\n\"classname\" \"worldspawn\"\n" + walls +
+                                                     "}\nentity {\n\"classname\" \"func_instance\"\n\"file\" \"floor\"\n\"angles\" \"0 90 0\"\n\"origin\" \"128 0 0\"\n}\n"
+                                                     "entity {\n\"classname\" \"info_player_start\"\n\"origin\" \"64 64 32\"\n}\nentity {\n\"classname\" \"light\"\n\"origin\" \"64 64 100\"\n\"_light\" \"255 255 255 200\"\n}\n");
+    const Outcome o = w.run({"dump", "overlays", map});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_NE(o.out.find("area 512"), std::string::npos) << o.out << o.said;
+    const Outcome built = w.run({"build", map, "-o", w.path("room.kiln"), "--draft"});
+    EXPECT_EQ(built.code, 0) << built.said;
+    EXPECT_EQ(w.run({"info", w.path("room.kiln"), "--check"}).code, 0);
+}
