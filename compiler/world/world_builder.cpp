@@ -68,7 +68,7 @@ public:
         report_counts();
         bool any = false;
         for (const WorldBrush& b : world_.brushes)
-            any = any || (b.model.value == 0 && (b.contents == Contents::solid || b.contents == Contents::detail));
+            any = any || (b.model.value == 0 && (b.contents == Contents::solid || b.contents == Contents::detail || b.displaced));
         if (!any)
             return fault(Exit::geometry, "no-world-brushes",
                          "the world has no solid brush: there is nothing to compile",
@@ -195,7 +195,12 @@ private:
                     world_.brushes.back().model = out.model;
                 }
             }
-            for (const DocPatch& p : e.patches) add_patch(e, p, index, use, scale, out);
+            for (const DocPatch& p : e.patches) {
+                Box3 box;
+                for (const Vec3 v : p.points) box.add(v);
+                if (regions_.any() && !regions_.keeps(box)) ++brushes_outside_region_;
+                else add_patch(e, p, index, use, scale, out);
+            }
             if (index == 0)
                 for (const DocBrush& wall : regions_.walls) add_brush(e, wall, index, use, scale, out);
             if (use == BrushUse::ladder) become_info_ladder(e, out);
@@ -343,7 +348,7 @@ private:
             if (brush.contents == Contents::solid && use != BrushUse::model) brush.contents = Contents::detail;
             return;
         }
-        if (use == BrushUse::model || use == BrushUse::hidden_model)
+        if (use == BrushUse::model || use == BrushUse::hidden_model || use == BrushUse::water)
             context_.report(Severity::warning, "displacement-on-entity",
                             fmt::format("a brush of {} has a displacement: it moves with its entity here, the original tools refuse it",
                                         e.get("classname")),
@@ -359,7 +364,7 @@ private:
             context_.report(Severity::error, "patch-invalid", fmt::format("a patch cannot be built: {}; it is left out", *flaw), at);
             return;
         }
-        if (use == BrushUse::hidden_model || use == BrushUse::area_portal) {
+        if (use == BrushUse::hidden_model || use == BrushUse::area_portal || use == BrushUse::occluder || use == BrushUse::vis_cluster) {
             hidden_patches_.add(at);
             return;
         }
@@ -369,7 +374,7 @@ private:
         WorldPatch patch;
         patch.entity = id<EntityId>(entity);
         patch.model = id<ModelId>(0);
-        if (use == BrushUse::model) {
+        if (use == BrushUse::model || use == BrushUse::water) {
             if (!out.model.valid()) out.model = id<ModelId>(world_.model_count++);
             patch.model = out.model;
         }

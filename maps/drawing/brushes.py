@@ -16,6 +16,7 @@ class Side:
         assert all(isinstance(c, int) for p in corners for c in p), corners
         self.corners, self.material = corners, material
         self.scale, self.lightmap, self.shift = scale, lightmap, shift
+        self.displacement = None  # Displacement
         self.normal = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]))
         assert any(self.normal), corners
         assert all(dot(self.normal, sub(p, corners[0])) == 0 for p in corners), ("not flat", corners)
@@ -29,6 +30,38 @@ class Side:
         if n[2] >= n[0] and n[2] >= n[1]:
             return (1, 0, 0), (0, -1, 0)
         return ((0, 1, 0) if n[0] >= n[1] else (1, 0, 0)), (0, 0, -1)
+
+
+class Displacement:
+    """A grid of (2^power + 1)^2 vertices over a quad: move(p) gives the vector by which the point p of it is moved,
+    blend(p) 0..255. Neighbours of a coarser grid have to be sewn by hand: move() has to be straight along such edges."""
+
+    def __init__(self, power, move, blend=lambda p: 0):
+        self.power, self.move, self.blend = power, move, blend
+
+    def text(self, corners, key, out):
+        n = 1 << self.power
+        def at(r, c):  # rows run from corner 0 to corner 1, from there to corner 3
+            u, v = c / n, r / n
+            a = [p + (q - p) * v for p, q in zip(corners[0], corners[3])]
+            b = [p + (q - p) * v for p, q in zip(corners[1], corners[2])]
+            return [p + (q - p) * u for p, q in zip(a, b)]
+        def short(x): return f"{x:.6g}" if abs(x) > 1e-9 else "0"
+        grid = [[at(r, c) for c in range(n + 1)] for r in range(n + 1)]
+        moves = [[self.move(p) for p in row] for row in grid]
+        lengths = [[dot(m, m) ** 0.5 for m in row] for row in moves]
+        out.extend(["\t\t\tdispinfo", "\t\t\t{"])
+        key(4, "power", self.power)
+        key(4, "startposition", f"[{vector(corners[0])}]")
+        key(4, "elevation", 0)
+        key(4, "subdiv", 0)
+        for name, row_text in (("normals", lambda r: " ".join(" ".join(short(x / l if l else 0) for x in m) for m, l in zip(moves[r], lengths[r]))),
+                               ("distances", lambda r: " ".join(short(l) for l in lengths[r])),
+                               ("alphas", lambda r: " ".join(short(self.blend(p)) for p in grid[r]))):
+            out.extend([f"\t\t\t\t{name}", "\t\t\t\t{"])
+            for r in range(n + 1): key(5, f"row{r}", row_text(r))
+            out.append("\t\t\t\t}")
+        out.append("\t\t\t}")
 
 
 class Brush:
@@ -168,6 +201,7 @@ class Map:
                 key(3, "rotation", 0)
                 key(3, "lightmapscale", s.lightmap)
                 key(3, "smoothing_groups", 0)
+                if s.displacement: s.displacement.text(s.corners, key, out)
                 out.append("\t\t}")
             out.append("\t}")
 

@@ -1,5 +1,5 @@
 """Small levels, one per phenomenon. Each function gives (map, materials)."""
-from .brushes import NODRAW, SKY, Map, box, faces, prism, room, slab_with_holes, wedge
+from .brushes import NODRAW, SKY, Displacement, Map, box, faces, prism, room, slab_with_holes, wedge
 
 WHITE, GREY, RED, GREEN, LAMP, BLACK = ("kiln/white", "kiln/grey", "kiln/red", "kiln/green", "kiln/lamp", "kiln/black")
 PLAIN = {
@@ -140,6 +140,49 @@ def brush_entity():
     return m, plain(WHITE, GREY, RED, GREEN)
 
 
+def terrain():
+    """Displacements of powers 2 to 4 that share edges, two of them at one edge of a third; a cliff, an overhang, a part
+    under the floor. Along the edges of the coarser ones the heights are straight between their vertices."""
+    from math import cos, sin
+    m = Map("Displacements of unequal powers in a sealed room: hills, a cliff with an overhang, a pond's bed under the floor.")
+    m.add(room((0, 0, 0), (512, 512, 256), faces(WHITE, zm=GREY, xm=RED, xp=GREEN), lightmap=16))
+
+    def smooth(x, y): return 26 * sin(x / 70 + 1) * cos(y / 55) + 16 * sin((x + y) / 43) + 6
+
+    def height(x, y):  # straight between the vertices of the coarser grid where one begins: x = 256, y = 256
+        def straight(f, t, step):
+            k = t // step * step
+            return f(k) + (f(k + step) - f(k)) * (t - k) / step if t > k else f(t)
+        if x == 256: return straight(lambda t: smooth(256, t), y, 64 if y <= 256 else 32)
+        if y == 256 and x >= 256: return straight(lambda t: smooth(t, 256), x, 64)
+        if y == 256: return straight(lambda t: smooth(t, 256), x, 32)
+        if x == 384 and y > 256: return straight(lambda t: smooth(384, t), y, 64)
+        return smooth(x, y)
+
+    def ground(p):
+        x, y, _ = p
+        h, dx = height(x, y), 0
+        if 288 < x < 384 and 288 < y < 480: h, dx = h + 90, (-40 if x < 352 else 10)  # a rock that leans over
+        return dx, 0, h
+
+    def piece(lo, hi, power):
+        b = box((*lo, 16), (*hi, 32), faces(NODRAW, zp="kiln/ground"), scale=0.25, lightmap=16)
+        top = next(s for s in b.sides if s.normal[2] > 0)
+        top.displacement = Displacement(power, ground, lambda p: 255 * p[0] / 512)
+        m.add(b)
+
+    piece((0, 0), (256, 256), 4)
+    piece((256, 0), (512, 256), 2)
+    piece((0, 256), (256, 512), 3)
+    piece((256, 256), (384, 512), 3)
+    piece((384, 256), (512, 512), 2)
+    m.add(box((224, 96, 254), (288, 160, 256), faces(BLACK, zm=LAMP)))
+    m.entity("info_camera_view", origin=(40, 40, 200), angles="28 42 0", fov=80, targetname="hills")
+    m.entity("info_camera_view", origin=(480, 300, 120), angles="12 140 0", fov=80, targetname="rock")
+    start(m, 128, 128, 120)
+    return m, {**plain(WHITE, GREY, RED, GREEN, LAMP, BLACK), "kiln/ground": {"reflectance": [0.42, 0.36, 0.27]}}
+
+
 def quake_room():
     m = Map("A Quake room: point lights of the three falloffs, a pillar, a step, a ramp.", message="quake room", wad="")
     wall, floor, trim = "stone1_3", "floor_tile2", "metal2_1"
@@ -157,4 +200,4 @@ def quake_room():
 
 VMF = {"furnace": furnace, "cornell": cornell, "two_rooms": two_rooms, "corridor": corridor, "thin_wall": thin_wall,
        "sun_room": sun_room, "spot_room": spot_room, "detail_room": detail_room, "leak_room": leak_room,
-       "brush_entity": brush_entity}
+       "brush_entity": brush_entity, "terrain": terrain}

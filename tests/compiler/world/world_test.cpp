@@ -202,6 +202,58 @@ TEST(World, WhatIsNotHandledIsToldOnceAKind) {
     EXPECT_EQ(first(c, "not-handled-prop-detail")->where.entity, 2);
 }
 
+TEST(World, ADisplacedBrushFillsNothing) {
+    const std::string row = "\"0 0 1 0 0 1 0 0 1 0 0 1 0 0 1\" ";
+    const std::string side = "side { \"id\" \"1\" \"plane\" \"(0 0 0) (0 64 0) (64 0 0)\" \"material\" \"wall\" "
+                             "\"lightmapscale\" \"32\" dispinfo { \"power\" \"2\" \"startposition\" \"[0 0 0]\" normals { \"row0\" " + row + "\"row1\" " + row +
+                             "\"row2\" " + row + "\"row3\" " + row + "\"row4\" " + row + "} } }\n";
+    const std::string flat = "side { \"id\" \"7\" \"plane\" \"(0 0 0) (0 64 0) (64 0 0)\" \"material\" \"wall\" }\n";
+    const std::string map = "world { \"id\" \"1\" \"classname\" \"worldspawn\" solid { \"id\" \"2\" " + side + flat +
+                            " } solid { \"id\" \"3\" " + flat + " } }\n"
+                            "entity { \"id\" \"9\" \"classname\" \"prop_static\" \"origin\" \"nan 0 0\" }\n";
+    Context c;
+    Result<Document> d =
+        read_vmf({reinterpret_cast<const std::uint8_t*>(map.data()), map.size()}, "t.vmf", c);
+    ASSERT_TRUE(d);
+    MaterialDatabase db;
+    const Result<World> w = build_world(*d, db, {}, c);
+    ASSERT_TRUE(w);
+    validate(*w);
+    EXPECT_EQ(w->brushes[0].contents, Contents::empty);
+    EXPECT_TRUE(w->brushes[0].displaced);
+    EXPECT_EQ(w->brushes[1].contents, Contents::solid);
+    EXPECT_EQ(w->sides[0].lightmap_scale, 32);
+    EXPECT_EQ(w->sides[0].displacement, 0);
+    EXPECT_EQ(w->sides[1].displacement, -1);
+    ASSERT_EQ(w->displacements.size(), 1u);
+    EXPECT_EQ(w->displacements[0].side, SideId{0});
+    EXPECT_EQ(count(c, "displacement-invalid"), 0u);
+
+    // What cannot be displaced stays flat, and seals nothing.
+    const auto spoilt = [&](auto spoil) {
+        Document bad = *d;
+        spoil(bad.displacements[0]);
+        const std::size_t before = count(c, "displacement-invalid");
+        const Result<World> v = build_world(bad, db, {}, c);
+        ASSERT_TRUE(v);
+        validate(*v);
+        EXPECT_EQ(count(c, "displacement-invalid"), before + 1);
+        EXPECT_EQ(v->brushes[0].contents, Contents::detail);
+        EXPECT_EQ(v->sides[0].displacement, -1);
+        EXPECT_TRUE(v->displacements.empty());
+    };
+    spoilt([](DocDisplacement& g) { g.power = 5; });
+    spoilt([](DocDisplacement& g) { g.power = 1; });
+    spoilt([](DocDisplacement& g) { g.distances.assign(24, 1.0); });
+    spoilt([](DocDisplacement& g) { g.triangle_tags.assign(31, 0); });
+    spoilt([](DocDisplacement& g) { g.normals[3].y = NAN; });
+    spoilt([](DocDisplacement& g) { g.elevation = 1e9; });
+    EXPECT_EQ(first(c, "displacement-invalid")->where.side, 1);
+    EXPECT_EQ(first(c, "displacement-invalid")->where.brush, 2);
+    EXPECT_EQ(count(c, "origin-invalid"), 1u);
+    EXPECT_FALSE(w->entities[1].has_origin);
+}
+
 TEST(World, WhatCannotBeDisplacedStaysFlatAndSealsNothing) {
     const std::string side = "side { \"id\" \"1\" \"plane\" \"(0 0 0) (0 64 0) (64 0 0)\" \"material\" \"wall\" "
                              "\"lightmapscale\" \"32\" dispinfo { } }\n";

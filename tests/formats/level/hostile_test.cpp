@@ -34,7 +34,14 @@ int use_everything(const Bytes& bytes) {
             double uv[2];
             kiln_level_eval_flat(level, f, p, rgb), kiln_level_eval_rnm(level, f, p, n, rgb);
             kiln_level_eval_rnm_local(level, f, p, bad, rgb), kiln_level_shading_normal(level, f, p, rgb);
-            kiln_level_texture_uv(level, f, p, uv);
+            kiln_level_texture_uv(level, f, p, uv), kiln_level_luxel_at(level, f, p, uv);
+            double w[3];
+            kiln_level_triangle_at(level, f, p, w);
+            float t[3], b[3], up[3];
+            kiln_level_tangent_frame_at(level, f, p, n, t, b, up);
+            std::size_t triangles = 0;
+            const kiln_curve_corner* corners = kiln_level_curve_corners(level, f, &triangles);
+            for (std::size_t k = 0; k < 3 * triangles; ++k) rgb[0] = corners[k].alpha;
         }
         kiln_level_ambient(level, p, cube), kiln_level_ambient_eval(level, p, n, rgb);
         kiln_light_weight weights[4];
@@ -61,6 +68,20 @@ int use_everything(const Bytes& bytes) {
         std::vector<std::uint64_t> row(std::min<std::size_t>(1000, (info.clusters + std::size_t{63}) / 64));
         kiln_level_read_pvs_row(level, c, row.data(), row.size());
     }
+    std::size_t displacements = 0, patches = 0;
+    float last = 0;
+    const kiln_displacement* d = kiln_level_displacements(level, &displacements);
+    for (std::size_t i = 0; i < displacements; ++i) {
+        for (std::uint32_t v = 0; v < 4 * d[i].vertex_count; ++v) last = kiln_level_displacement_vertices(level, nullptr)[4 * std::size_t{d[i].first_vertex} + v];
+        for (std::uint32_t v = 0; v < 4 * d[i].blend_count; ++v) last = kiln_level_displacement_blends(level, nullptr)[4 * std::size_t{d[i].first_blend} + v];
+        for (std::uint32_t v = 0; v < d[i].tag_count; ++v) last = kiln_level_displacement_tags(level, nullptr)[std::size_t{d[i].first_tag} + v];
+    }
+    const kiln_curved_patch* patch = kiln_level_curved_patches(level, &patches);
+    for (std::size_t i = 0; i < patches; ++i)
+        for (std::uint32_t v = 0; v < 5 * patch[i].vertex_count; ++v) last = kiln_level_patch_vertices(level, nullptr)[5 * std::size_t{patch[i].first_vertex} + v];
+    EXPECT_TRUE(last == last || last != last);
+    kiln_source source{};
+    kiln_level_displacement_source(level, 1, &source), kiln_level_patch_source(level, 1, &source);
     for (std::uint32_t e = 0; e < std::min(info.entities, 40u); ++e) kiln_level_entity_value(level, e, "key1");
     std::size_t overlays = 0, parts = 0, corners = 0;
     const kiln_overlay* overlay = kiln_level_overlays(level, &overlays);

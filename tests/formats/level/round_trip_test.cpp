@@ -301,6 +301,89 @@ std::string encoding_name(const testing::TestParamInfo<int>& info) {
     constexpr const char* names[] = {"Dot", "Sq", "Tilted"};
     return names[info.param];
 }
+TEST_P(RoundTrip, Curves) {
+    std::size_t n = 0;
+    const kiln_displacement* d = kiln_level_displacements(level.get(), &n);
+    ASSERT_EQ(n, content.displacements.size());
+    for (std::size_t i = 0; i < n; ++i) {
+        const Displacement& w = content.displacements[i];
+        EXPECT_EQ(d[i].face, w.face);
+        EXPECT_EQ(d[i].model, w.model);
+        EXPECT_EQ(d[i].material, w.material);
+        EXPECT_EQ(d[i].plane, w.plane);
+        EXPECT_EQ(d[i].power, w.power);
+        EXPECT_EQ(d[i].flags, w.flags);
+        for (std::size_t k = 0; k < 12; ++k) EXPECT_EQ(d[i].base[k], w.base[k / 3][k % 3]);
+        ASSERT_EQ(d[i].vertex_count, w.positions.size());
+        ASSERT_EQ(d[i].blend_count, w.multiblend.size());
+        ASSERT_EQ(d[i].tag_count, w.triangle_tags.size());
+        for (std::size_t v = 0; v < w.positions.size(); ++v) {
+            const float* at = kiln_level_displacement_vertices(level.get(), nullptr) + 4 * (d[i].first_vertex + v);
+            expect_same(at, w.positions[v]);
+            EXPECT_EQ(at[3], w.alphas[v]);
+            if (!w.multiblend.empty()) expect_same(kiln_level_displacement_blends(level.get(), nullptr) + 4 * (d[i].first_blend + v), w.multiblend[v]);
+        }
+        for (std::size_t t = 0; t < w.triangle_tags.size(); ++t)
+            EXPECT_EQ(kiln_level_displacement_tags(level.get(), nullptr)[d[i].first_tag + t], w.triangle_tags[t]);
+        kiln_source source{};
+        ASSERT_EQ(kiln_level_displacement_source(level.get(), static_cast<std::uint32_t>(i), &source), KILN_OK);
+        EXPECT_EQ(source.line, w.source_line);
+    }
+    const kiln_curved_patch* p = kiln_level_curved_patches(level.get(), &n);
+    ASSERT_EQ(n, content.patches.size());
+    for (std::size_t i = 0; i < n; ++i) {
+        const CurvedPatch& w = content.patches[i];
+        EXPECT_EQ(p[i].face, w.face);
+        EXPECT_EQ(p[i].columns, w.columns);
+        EXPECT_EQ(p[i].rows, w.rows);
+        ASSERT_EQ(p[i].vertex_count, w.positions.size());
+        for (std::size_t v = 0; v < w.positions.size(); ++v) {
+            const float* at = kiln_level_patch_vertices(level.get(), nullptr) + 5 * (p[i].first_vertex + v);
+            expect_same(at, w.positions[v]), expect_same(at + 3, w.uv[v]);
+        }
+        kiln_source source{};
+        ASSERT_EQ(kiln_level_patch_source(level.get(), static_cast<std::uint32_t>(i), &source), KILN_OK);
+        EXPECT_EQ(source.brush, w.source_patch);
+    }
+    // Corners go with their triangles; in the middle of one everything is the mean of its corners.
+    std::size_t next = 0;
+    for (std::uint32_t f = 0; f < content.faces.size(); ++f) {
+        const kiln_curve_corner* corners = kiln_level_curve_corners(level.get(), f, &n);
+        const kiln_face& face = level.faces()[f];
+        if (!content.faces[f].curved) {
+            EXPECT_EQ(corners, nullptr);
+            EXPECT_EQ(face.flags & KILN_FACE_CURVED, 0u);
+            continue;
+        }
+        ASSERT_EQ(n, face.triangle_count);
+        ASSERT_EQ(n, content.faces[f].triangle_count); // none lost its area
+        for (std::size_t t = 0; t < n; ++t, ++next) {
+            double middle[3] = {}, uv[2] = {}, st[2] = {}, wanted_uv[2] = {}, wanted_st[2] = {}, weights[3];
+            for (std::size_t c = 0; c < 3; ++c) {
+                const CurveCorner& w = content.curve_corners[next][c];
+                const kiln_curve_corner& k = corners[3 * t + c];
+                expect_same(k.luxel, w.luxel), expect_same(k.uv, w.uv);
+                EXPECT_EQ(k.alpha, w.alpha);
+                const std::uint32_t v = level.triangles()[3 * (face.first_triangle + t) + c];
+                for (std::size_t a = 0; a < 3; ++a) middle[a] += level.positions()[3 * v + a] / 3.0;
+                for (std::size_t a = 0; a < 2; ++a) wanted_uv[a] += w.uv[a] / 3.0, wanted_st[a] += w.luxel[a] / 3.0;
+            }
+            EXPECT_EQ(kiln_level_triangle_at(level.get(), f, middle, weights), face.first_triangle + t);
+            for (const double w : weights) EXPECT_NEAR(w, 1.0 / 3, 1e-5);
+            ASSERT_EQ(kiln_level_texture_uv(level.get(), f, middle, uv), KILN_OK);
+            for (std::size_t a = 0; a < 2; ++a) EXPECT_NEAR(uv[a], wanted_uv[a], 1e-4);
+            if (face.chart == KILN_NO_INDEX) continue;
+            ASSERT_EQ(kiln_level_luxel_at(level.get(), f, middle, st), KILN_OK);
+            for (std::size_t a = 0; a < 2; ++a) EXPECT_NEAR(st[a], wanted_st[a], 1e-3);
+            float by_point[3], by_luxel[3];
+            ASSERT_EQ(kiln_level_eval_flat(level.get(), f, middle, by_point), KILN_OK);
+            ASSERT_EQ(kiln_level_eval_flat_luxel(level.get(), face.chart, st[0], st[1], by_luxel), KILN_OK);
+            for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(by_point[k], by_luxel[k]);
+        }
+    }
+    EXPECT_EQ(next, content.curve_corners.size());
+}
+
 TEST_P(RoundTrip, Overlays) {
     ASSERT_FALSE(content.overlays.empty());
     ASSERT_EQ(level.overlays().size(), content.overlays.size());

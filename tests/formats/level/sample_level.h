@@ -280,6 +280,38 @@ inline LevelContent mixture(std::uint64_t seed, std::uint32_t size = 20, std::ui
         for (std::uint32_t k = below(4); k-- > 0;) e.keys.emplace_back("key" + std::to_string(below(3)), std::to_string(random()));
         c.entities.push_back(e);
     }
+    const auto number = [&](double lo, double hi) { return static_cast<float>(real(lo, hi)); };
+    for (std::uint32_t i = 0; i < faces; i += 4) {
+        c.faces[i].curved = true;
+        for (std::uint32_t t = 0; t < c.faces[i].triangle_count; ++t) {
+            std::array<CurveCorner, 3> corners_of_triangle;
+            for (CurveCorner& corner : corners_of_triangle)
+                corner = {{number(1, 20), number(1, 20)}, {number(-3, 3), number(-3, 3)}, number(0, 1)};
+            c.curve_corners.push_back(corners_of_triangle);
+        }
+    }
+    for (std::uint32_t power = 2; power <= 4; ++power) {
+        Displacement d;
+        d.face = power == 3 ? UINT32_MAX : 4 * (power - 2), d.model = below(3), d.material = below(4), d.plane = below(planes);
+        d.power = power, d.flags = below(16);
+        for (Double3& p : d.base) p = vec(500);
+        const std::uint32_t side = (1u << power) + 1;
+        for (std::uint32_t v = 0; v < side * side; ++v) {
+            d.positions.push_back(f3(vec(500))), d.alphas.push_back(number(0, 1));
+            if (power == 4) d.multiblend.push_back({number(0, 1), number(0, 1), number(0, 1), number(0, 1)});
+        }
+        if (power != 3)
+            for (std::uint32_t t = 0; t < 2u << (2 * power); ++t) d.triangle_tags.push_back(static_cast<std::uint16_t>(below(65536)));
+        d.source_entity = 0, d.source_brush = 40, d.source_side = 7, d.source_line = static_cast<std::int32_t>(100 + power);
+        c.displacements.push_back(std::move(d));
+    }
+    for (std::uint32_t i = 0; i < 2; ++i) {
+        CurvedPatch p;
+        p.face = i ? 8 : UINT32_MAX, p.model = below(3), p.material = below(4), p.columns = 3 + i, p.rows = 5;
+        for (std::uint32_t v = 0; v < p.columns * p.rows; ++v) p.positions.push_back(f3(vec(500))), p.uv.push_back({number(-2, 2), number(-2, 2)});
+        p.source_entity = 3, p.source_patch = static_cast<std::int32_t>(i), p.source_line = 77;
+        c.patches.push_back(std::move(p));
+    }
     for (std::uint32_t i = 0; i < size / 2; ++i) {
         OverlayInfo o;
         o.kind = below(2), o.material = below(4), o.entity = static_cast<std::int32_t>(below(size + 1)) - 1;
