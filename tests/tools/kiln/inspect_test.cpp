@@ -1,7 +1,10 @@
 // verify, export, dump and info as a user runs them: on maps and on levels.
+#include "formats/level/kiln_level.h"
+#include "libs/image/image.h"
 #include "tests/formats/gltf/reader.h"
 #include "tests/support/program.h"
 #include <map>
+#include <memory>
 #include <regex>
 
 using namespace kiln;
@@ -148,6 +151,63 @@ TEST(Inspect, GltfOfAMapAndOfItsLevel) {
             for (const auto& uv : coordinates) EXPECT_TRUE(uv[0] > 0 && uv[0] < 1 && uv[1] > 0 && uv[1] < 1);
         }
     EXPECT_GE(lit, 24u);
+}
+
+// The lightmap pages at the second texture coordinates show what the loader evaluates there.
+TEST(Inspect, GltfLightmapsShowTheLightOfTheLevel) {
+    const Workplace w;
+    ASSERT_EQ(w.run({"build", w.write("room.map", furnished()), "--materials", w.write("m.json", materials()), "--draft", "-q", "-o", w.path("room.kiln")}).code, 0);
+    ASSERT_EQ(w.run({"export", w.path("room.kiln"), "-o", w.path("room.glb")}).code, 0);
+    const GltfRead r = read_glb(bytes_of(w.path("room.glb")));
+    const Bytes bytes = bytes_of(w.path("room.kiln"));
+    kiln_level* raw = nullptr;
+    ASSERT_EQ(kiln_level_open_memory(bytes.data(), bytes.size(), &raw), KILN_OK);
+    const std::unique_ptr<kiln_level, decltype(&kiln_level_close)> level(raw, kiln_level_close);
+    // Faces by the middle of their triangles.
+    std::map<std::array<long, 3>, std::uint32_t> face_at;
+    const auto key = [](double x, double y, double z) { return std::array<long, 3>{std::lround(x * 16), std::lround(y * 16), std::lround(z * 16)}; };
+    std::size_t faces = 0;
+    const kiln_face* face = kiln_level_faces(raw, &faces);
+    const float* x = kiln_level_positions(raw, nullptr);
+    const std::uint32_t* t = kiln_level_triangles(raw, nullptr);
+    for (std::uint32_t f = 0; f < faces; ++f)
+        for (std::size_t k = face[f].first_triangle; k < std::size_t{face[f].first_triangle} + face[f].triangle_count; ++k) {
+            double m[3] = {};
+            for (std::size_t c = 0; c < 9; ++c) m[c % 3] += x[3 * t[3 * k + c / 3] + c % 3] / 3.0;
+            face_at[key(m[0], m[1], m[2])] = f;
+        }
+    std::size_t compared = 0;
+    for (const auto& mesh : r.json["meshes"]) {
+        if (mesh["name"] != "worldspawn") continue; // others are relative to their origin
+        for (const auto& p : mesh["primitives"]) {
+            if (!p["attributes"].contains("TEXCOORD_1")) continue;
+            const auto& page = r.json["nodes"][0]["extras"]["kiln"]["lightmaps"][p["extras"]["lightmap_page"].get<std::size_t>()];
+            const auto image = read_exr(w.path(page["file"].get<std::string>()));
+            ASSERT_TRUE(image);
+            ASSERT_EQ(image->width, page["width"].get<int>());
+            const auto position = r.floats(p["attributes"]["POSITION"]), uv = r.floats(p["attributes"]["TEXCOORD_1"]);
+            const auto index = r.indices(p["indices"]);
+            for (std::size_t k = 0; k < index.size(); k += 3) {
+                double m[3] = {}, at[2] = {};
+                for (std::size_t c = 0; c < 3; ++c) {
+                    for (std::size_t a = 0; a < 3; ++a) m[a] += position[index[k + c]][a] / 3.0;
+                    for (std::size_t a = 0; a < 2; ++a) at[a] += uv[index[k + c]][a] / 3.0;
+                }
+                ASSERT_TRUE(face_at.contains(key(m[0], m[1], m[2])));
+                float expected[3];
+                ASSERT_EQ(kiln_level_eval_flat(raw, face_at[key(m[0], m[1], m[2])], m, expected), KILN_OK);
+                const double s = at[0] * image->width - 0.5, v = at[1] * image->height - 0.5;
+                const int i = static_cast<int>(std::floor(s)), j = static_cast<int>(std::floor(v));
+                const auto mix = [&](int c) {
+                    const double a = s - i, b = v - j;
+                    return (image->at(i, j, c) * (1 - a) + image->at(i + 1, j, c) * a) * (1 - b) + (image->at(i, j + 1, c) * (1 - a) + image->at(i + 1, j + 1, c) * a) * b;
+                };
+                for (int c = 0; c < 3; ++c) EXPECT_NEAR(mix(c), expected[c], 0.002 * expected[c] + 1e-5);
+                ++compared;
+            }
+        }
+    }
+    EXPECT_GE(compared, 20u);
 }
 
 TEST(Inspect, ObjOfEveryStage) {
