@@ -16,11 +16,27 @@ constexpr const char* kVersion = "kiln 0.1.0"; // of the level file; results als
 Hash geometry_key(const World& world) {
     ByteWriter w;
     for (const WorldSide& s : world.sides)
-        w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement, s.no_dynamic_shadow);
+        w(s.points, s.material, s.texture, s.lightmap_scale, s.smoothing_groups, s.displacement, s.no_dynamic_shadow, s.editor_vertices);
     for (const WorldBrush& b : world.brushes)
         w(b.first_side, b.side_count, b.contents, b.model, b.casts_light_shadow, b.draws, b.collides, b.blocks, b.displaced);
-    w(world.displacements, world.patches, world.overlays);
+    for (const WorldBrush& b : world.brushes)
+        if (b.contents == Contents::occluder || b.contents == Contents::vis_cluster) w(b.entity); // those of one entity act together
+    w(world.overlays);
     w(world.materials, world.format, world.model_count);
+    return hash_bytes(w.bytes);
+}
+// The grids of displacements and patches, which only surfaces are made from; not where they stand.
+Hash curves_key(const World& world) {
+    ByteWriter w;
+    for (const WorldDisplacement& d : world.displacements) {
+        const DocDisplacement& g = d.grid;
+        w(d.side, g.power, g.start, g.elevation, g.normals, g.offsets, g.distances, g.alphas);
+    }
+    for (const WorldPatch& p : world.patches) {
+        const DocPatch& g = p.grid;
+        w(p.model, p.material, p.lightmap_scale, g.columns, g.rows, g.points, g.uv, g.subdivisions);
+        for (const char* key : {"_shadow", "vrad_brush_cast_shadows"}) w(std::string(world.entities[p.entity.at()].get(key)));
+    }
     return hash_bytes(w.bytes);
 }
 // Where in the text brushes and sides stand: only diagnostics show it.
@@ -28,6 +44,8 @@ Hash places_key(const World& world) {
     ByteWriter w;
     w(world.file, world.included);
     for (const WorldSide& s : world.sides) w(s.line, s.id);
+    for (const WorldDisplacement& d : world.displacements) w(d.grid.line);
+    for (const WorldPatch& p : world.patches) w(p.grid.line, p.grid.id, p.file);
     for (const WorldBrush& b : world.brushes) {
         const WorldEntity& e = world.entities[b.entity.at()];
         w(b.line, b.id, b.file, e.line, e.id);
@@ -37,6 +55,19 @@ Hash places_key(const World& world) {
 Hash entity_lines_key(const World& world) { // what the messages of stages that read entities show
     ByteWriter w;
     for (const WorldEntity& e : world.entities) w(e.line, e.id);
+    return hash_bytes(w.bytes);
+}
+Hash sky_key(const World& world) { // where 3D skies are, and where players start, which tells whether they are rooms of their own
+    ByteWriter w;
+    const auto name = [](const WorldEntity& e) { return lower_case(e.get("classname")); };
+    if (std::ranges::any_of(world.entities, [&](const WorldEntity& e) { return e.has_origin && name(e) == "sky_camera"; }))
+        for (const WorldEntity& e : world.entities)
+            if (e.has_origin && (name(e) == "sky_camera" || name(e).starts_with("info_player"))) w(name(e), e.origin);
+    for (const WorldBrush& b : world.brushes) // what messages of area portals, occluders and clusters show
+        if (b.contents == Contents::area_portal || b.contents == Contents::occluder || b.contents == Contents::vis_cluster) {
+            const WorldEntity& e = world.entities[b.entity.at()];
+            w(std::string(e.get("classname")), std::string(e.get("targetname")), e.line, e.id);
+        }
     return hash_bytes(w.bytes);
 }
 Hash smoothing_key(const World& world) { // keys of entities that steer surfaces
@@ -91,7 +122,7 @@ Fault leak_fault(const World& world, const Leak& leak) {
 
 } // namespace
 
-// VMF text begins with a word (versioninfo, world, ...); Quake-family text with a brace or a comment.
+// VMF text begins with a word (versioninfo, world, ...); Quake-family text with a brace, a comment or "Version 2".
 bool is_vmf(const TextFile& map) {
     const auto& b = map.bytes;
     std::size_t i = b.size() >= 3 && b[0] == 0xEF && b[1] == 0xBB && b[2] == 0xBF ? 3 : 0;
@@ -101,7 +132,9 @@ bool is_vmf(const TextFile& map) {
             while (i < b.size() && b[i] != '\n') ++i;
             continue;
         }
-        return std::isalpha(b[i]) != 0 || b[i] == '"';
+        const std::string_view text(reinterpret_cast<const char*>(b.data()), b.size());
+        const bool doom3 = equal_ignoring_case(text.substr(i, 7), "version") && i + 7 < b.size() && std::isspace(b[i + 7]); // "Version 2"
+        return (std::isalpha(b[i]) != 0 && !doom3) || b[i] == '"';
     }
     return map.name.ends_with(".vmf");
 }
@@ -119,7 +152,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     const Hash geometry = geometry_key(world), places = places_key(world);
     if (done(Stage::world)) return true;
 
-    const auto csg = stages.run(Stage::csg, 1, all(geometry, options.csg), places, out.csg,
+    const auto csg = stages.run(Stage::csg, 2, all(geometry, options.csg), places, out.csg,
                                 [&] { return build_csg(world, options.csg, context); });
     if (!csg) return csg.fault();
     if (done(Stage::csg)) return true;
@@ -127,14 +160,14 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     BspOptions bsp_options = options.bsp;
     bsp_options.allow_leaks = false; // is for the leak test alone
     const auto make_bsp = [&] {
-        return stages.run(Stage::bsp, 2, all(*csg, geometry, bsp_options), places, out.bsp,
+        return stages.run(Stage::bsp, 4, all(*csg, geometry, sky_key(world), bsp_options), places, out.bsp,
                           [&] { return build_bsp(world, out.csg, bsp_options, context); });
     };
     auto bsp = make_bsp();
     if (!bsp) return bsp.fault();
     auto leaks = find_leaks(world, out.csg, out.bsp, options.bsp, context); // the one thing here that asks for entities
     if (!leaks) return leaks.fault();
-    out.leak = std::move(leaks->leak);
+    out.leak = std::move(leaks->leak), out.leaks = std::move(leaks->leaks);
     if (out.leak && !options.bsp.allow_leaks) return leak_fault(world, *out.leak);
     if (out.leak) {
         bsp_options.fill = false;
@@ -143,7 +176,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.portals = vis_portals(out.bsp);
     if (done(Stage::bsp)) return true;
 
-    const auto surfaces = stages.run(Stage::surfaces, 1, all(*bsp, *csg, geometry, smoothing_key(world), options.surfaces), places, out.surfaces,
+    const auto surfaces = stages.run(Stage::surfaces, 3, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;
@@ -157,7 +190,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
     const Hash lit = all(*surfaces, *bsp, hash_of(world.materials), lights_key(out.lights));
-    const auto light = stages.run(Stage::light, 1, all(lit, options.light), places, out.lighting,
+    const auto light = stages.run(Stage::light, 2, all(lit, options.light), places, out.lighting,
                                   [&] { return bake_light(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options.light, context); });
     if (!light) return light.fault();
     if (done(Stage::light)) return true;
@@ -197,7 +230,7 @@ std::string options_json(const CompileOptions& o) {
         {"csg", {{"plane_merge_distance", o.csg.plane_merge_distance}, {"grid_bits", o.csg.grid_bits}}},
         {"bsp", {{"allow_leaks", o.bsp.allow_leaks}, {"micro_gap", o.bsp.micro_gap}}},
         {"visibility", {{"fast", o.visibility.fast}, {"epsilon", o.visibility.epsilon}, {"step_budget", o.visibility.step_budget}}},
-        {"surfaces", {{"smoothing_angle_deg", o.surfaces.smoothing_angle_deg}, {"most_texels", o.surfaces.most_texels}}},
+        {"surfaces", {{"smoothing_angle_deg", o.surfaces.smoothing_angle_deg}, {"most_texels", o.surfaces.most_texels}, {"curve_flatness", o.surfaces.curve_flatness}}},
         {"light",
          {{"error_percent", o.light.error_percent}, {"encoding", kEncodings[static_cast<int>(o.light.encoding)]},
           {"directional", kDirectional[static_cast<int>(o.light.directional)]}, {"error_floor", o.light.error_floor}, {"seed", o.light.seed}}},

@@ -56,7 +56,8 @@ struct Compiled {
     World world;
     Csg csg;
     Bsp bsp;
-    std::optional<Leak> leak;
+    std::optional<Leak> leak; // the first of
+    std::vector<Leak> leaks;
     std::vector<VisPortal> portals;
     Visibility visibility;
     Surfaces surfaces;

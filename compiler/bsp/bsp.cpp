@@ -95,30 +95,6 @@ private:
     }
 };
 
-void number_clusters(Bsp& bsp) {
-    for (BspLeaf& l : bsp.leaves)
-        if (l.open() && !l.outside) l.cluster = ClusterId{bsp.cluster_count++};
-}
-
-void number_areas(Bsp& bsp, const std::vector<bool>& area_portal) {
-    std::vector<std::vector<std::uint32_t>> neighbours(bsp.leaves.size());
-    for (const BspPortal& p : bsp.portals) {
-        neighbours[p.leaf_front.at()].push_back(p.leaf_back.value);
-        neighbours[p.leaf_back.at()].push_back(p.leaf_front.value);
-    }
-    for (std::uint32_t l = 0; l < bsp.leaves.size(); ++l) {
-        if (!bsp.leaves[l].cluster.valid() || bsp.leaves[l].area || area_portal[l]) continue;
-        bsp.leaves[l].area = ++bsp.area_count;
-        std::vector<std::uint32_t> stack{l};
-        while (!stack.empty()) {
-            const std::uint32_t at = stack.back();
-            stack.pop_back();
-            for (const std::uint32_t n : neighbours[at])
-                if (!bsp.leaves[n].area && !area_portal[n]) bsp.leaves[n].area = bsp.area_count, stack.push_back(n);
-        }
-    }
-}
-
 } // namespace
 
 std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, double tolerance) {
@@ -175,17 +151,21 @@ Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& opti
 
     std::vector<LeafId> new_leaf;
     bsp::Pruner(tree, outside, out, new_leaf);
-    bsp::number_clusters(out);
+    out.leaf_water.assign(out.leaves.size(), UINT32_MAX);
     if (options.fill) out.closed = bsp::closed_gaps(world, csg, space, tree, portals, outside, new_leaf);
     for (BspPortal& p : portals) {
         if (outside[p.leaf_front.at()] || outside[p.leaf_back.at()]) continue;
         p.leaf_front = new_leaf[p.leaf_front.at()], p.leaf_back = new_leaf[p.leaf_back.at()];
         out.portals.push_back(std::move(p));
     }
-    std::vector<bool> area_portal(out.leaves.size());
+    std::vector<std::vector<BrushId>> portals_in(out.leaves.size());
     for (std::size_t l = 0; l < tree.leaves.size(); ++l)
-        if (tree.leaves[l].area_portal && new_leaf[l].valid()) area_portal[new_leaf[l].at()] = true;
-    bsp::number_areas(out, area_portal);
+        if (!tree.leaves[l].area_portals.empty() && new_leaf[l].valid()) portals_in[new_leaf[l].at()] = tree.leaves[l].area_portals;
+    bsp::number_areas(out, portals_in);
+    bsp::number_clusters(world, csg, space, out, context);
+    bsp::find_area_portals(world, csg, portals_in, out, options.fill, context);
+    bsp::find_waters(world, csg, out);
+    bsp::find_occluders(world, csg, space, out, context);
     context.say("bsp", 0.8);
     out.visible = bsp::visible_fragments(csg, space, out);
     context.say("bsp", 1);
@@ -266,13 +246,37 @@ void check_invariants(const Bsp& bsp, const Csg& csg, const World* world, Checke
         leaves.expect(!l.bounds.empty(), tell("its bounds are empty"));
         leaves.expect(l.cluster.valid() == (l.open() && !l.outside), tell("open leaves inside have a cluster, no others"));
         leaves.expect(!(l.outside && l.contents == Contents::solid), tell("solid is not outside"));
-        if (l.cluster.valid()) leaves.expect(l.cluster.value == clusters, tell(fmt::format("its cluster is {}, in order it would be {}", l.cluster.value, clusters))), ++clusters;
+        if (l.cluster.valid()) { // numbers in the order in which they are met
+            leaves.expect(l.cluster.value <= clusters, tell(fmt::format("its cluster is {}, in order it would be {}", l.cluster.value, clusters)));
+            clusters += l.cluster.value == clusters;
+        }
         leaves.expect(l.cluster.valid() || l.area == 0, tell("it has an area without a cluster"));
         leaves.expect(l.area <= bsp.area_count, tell(fmt::format("area {} of {}", l.area, bsp.area_count)));
         leaves.expect(std::ranges::is_sorted(l.brushes), tell("its brushes are not sorted"));
         leaves.expect(l.brushes.empty() || l.brushes.back().at() < csg.brushes.size(), tell("it lists a brush that does not exist"));
     }
     leaves.expect(clusters == bsp.cluster_count, [&] { return Finding{map, fmt::format("{} leaves have clusters, {} are stated", clusters, bsp.cluster_count)}; });
+
+    Check &waters = checker.add("waters"), &area_portals = checker.add("area-portals"), &occluders = checker.add("occluders");
+    if (waters.expect(bsp.leaf_water.size() == bsp.leaves.size(), [&] { return Finding{map, "the leaves' waters are not as many as leaves"}; }))
+        for (std::size_t l = 0; l < bsp.leaves.size(); ++l) {
+            const BspLeaf& leaf = bsp.leaves[l];
+            const auto tell = [&](const char* what) { return [&, what] { return Finding{map, fmt::format("leaf {} at {}: {}", l, place(leaf.bounds), what)}; }; };
+            const bool liquid = leaf.contents == Contents::water || leaf.contents == Contents::slime || leaf.contents == Contents::lava;
+            const bool has = bsp.leaf_water[l] != UINT32_MAX;
+            waters.expect(has == (liquid && leaf.cluster.valid()), tell("liquid leaves inside have a water volume, no others"));
+            if (!has || !waters.expect(bsp.leaf_water[l] < bsp.waters.size(), tell("its water volume does not exist"))) continue;
+            const WaterVolume& water = bsp.waters[bsp.leaf_water[l]];
+            waters.expect(water.contents == leaf.contents && water.min_z <= leaf.bounds.lo.z, tell("its water volume is of another liquid, or ends above it"));
+        }
+    for (const AreaPortal& p : bsp.area_portals)
+        area_portals.expect(p.areas[0] <= p.areas[1] && p.areas[1] <= bsp.area_count && p.winding.size() == p.polygon.size(), [&] {
+            return Finding{world && p.brush.at() < world->brushes.size() ? world->location(p.brush) : map, fmt::format("an area portal between areas {} and {} of {}, or its winding is not that of its polygon", p.areas[0], p.areas[1], bsp.area_count)};
+        });
+    for (const Occluder& o : bsp.occluders)
+        occluders.expect(!o.fragments.empty() && o.area <= bsp.area_count &&
+                             std::ranges::all_of(o.fragments, [&](std::uint32_t f) { return f < csg.fragments.size() && csg.fragments[f].behind == Contents::occluder; }),
+                         [&] { return Finding{world && o.entity.at() < world->entities.size() ? world->location(o.entity) : map, "an occluder without polygons, or with such of something else"}; });
 
     const auto reaches = [&](const Vec3& v, LeafId l) { // rounding is monotone, so this holds exactly
         Box3 at;

@@ -4,6 +4,8 @@
 // In       world, csg
 // Out      tree, leaves, clusters, portals (convex, counter-clockwise seen from `leaf_front`, map units)
 // Errors   micro-gap (warning): an opening narrower than options.micro_gap that would have leaked
+//          areaportal-leak, -one-side, -closed, -areas (warnings): a func_areaportal that does not part two areas
+//          occluder-areas, occluder-without-face, viscluster-empty, sky-camera-area, sky-camera-in-solid (warnings)
 //
 // Whether entities are sealed in is a question of its own (find_leaks), so that moving one redoes no geometry.
 //
@@ -40,7 +42,7 @@ struct BspNode {
 
 struct BspLeaf {
     Contents contents = Contents::empty; // solid, empty, window, liquids, area_portal (detail does not show here)
-    ClusterId cluster;                   // none: solid or outside
+    ClusterId cluster;                   // none: solid or outside. Leaves of a func_viscluster or a 3D sky share theirs
     bool outside = false;                // reached from the void and filled
     std::uint32_t area = 0;              // flood region between area portals, from 1; 0: none, or an area portal's leaf
     Box3 bounds;                         // map units, clipped to the world's box
@@ -81,11 +83,43 @@ struct Leak {
     std::vector<BrushId> near;   // structural brushes around the hole, nearest first
     Vec3 hole{};                 // middle of the opening the path goes through: of all ways to part the entities from
                                  // the void by closing portals, the one of least area
-    template <class A> void fields(A& a) { a(entity, path, near, hole); }
+    double length = 0;           // of the path, map units
+    double area = 0, width = 0;  // of the opening, square map units, and its least extent; 0: the entity stands in the void
+    std::vector<BrushId> passes; // brushes that do not seal and the path goes through, nearest to the hole first
+    template <class A> void fields(A& a) { a(entity, path, near, hole, length, area, width, passes); }
+};
+// What a brush that does not seal is to the designer: "func_detail", "displacement", "water of func_water_analog", ...
+std::string name_of_unsealing(const World& world, BrushId brush);
+
+// One func_areaportal brush: a door that the game can shut.
+struct AreaPortal {
+    BrushId brush;
+    std::array<std::uint32_t, 2> areas{}; // on its two sides, ascending; equal or 0: it parts no two areas (reported)
+    PlanePolygon polygon;                 // cut of the brush with the plane midway between the sides; counter-clockwise
+    std::vector<Vec3> winding;            // seen from areas[0]; planes of Bsp::planes; map units
+    std::vector<Vec3> leak;               // where both sides are one area: a way around, from one side to the other
+    template <class A> void fields(A& a) { a(brush, areas, polygon, winding, leak); }
+};
+
+// Liquid that hangs together under one surface.
+struct WaterVolume {
+    Contents contents = Contents::water;
+    double surface_z = 0, min_z = 0; // map units
+    bool has_surface = false;        // false: it fills its room, surface_z is its highest point
+    MaterialId material;             // of most of its surface; without one, of its brush's top
+    template <class A> void fields(A& a) { a(contents, surface_z, min_z, has_surface, material); }
+};
+
+// The polygons of one func_occluder.
+struct Occluder {
+    EntityId entity;
+    std::uint32_t area = 0;               // that holds it; 0: none, or several (reported)
+    std::vector<std::uint32_t> fragments; // into csg.fragments, behind = occluder
+    template <class A> void fields(A& a) { a(entity, area, fragments); }
 };
 
 struct Bsp {
-    PlaneTable planes;             // those of csg (same ids), then the world's box
+    PlaneTable planes;             // those of csg (same ids), then the world's box, then those of area portals
     std::array<PlaneId, 6> box{};  // +x -x +y -y +z -z, facing out, beyond every brush
     std::vector<BspNode> nodes;    // 0: root; empty: one leaf. Preorder, front first, as are the leaves
     std::vector<BspLeaf> leaves;
@@ -95,8 +129,13 @@ struct Bsp {
     std::vector<VisibleFragment> visible; // sorted by fragment; brush models: whole, leaf none
     std::vector<ClosedGap> closed;        // none without fill
     Box3 bounds;                   // of the world's solid brushes
+    std::vector<AreaPortal> area_portals; // in the order of their brushes
+    std::vector<WaterVolume> waters;
+    std::vector<std::uint32_t> leaf_water; // parallel to leaves: into waters; UINT32_MAX: not liquid, or outside
+    std::vector<Occluder> occluders;       // in the order of their entities
     template <class A> void fields(A& a) {
-        a(planes, box, nodes, leaves, cluster_count, area_count, portals, visible, closed, bounds);
+        a(planes, box, nodes, leaves, cluster_count, area_count, portals, visible, closed, bounds, area_portals, waters,
+          leaf_water, occluders);
     }
 };
 Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& options, Context& context);
@@ -111,6 +150,7 @@ void check_invariants(const Bsp& bsp, const Csg& csg, const World* world, Checke
 //          entity-outside (warning): it lies on an outer face or in a filled crack, while the others are sealed in
 struct LeakTest {
     std::optional<Leak> leak; // the one with the shortest path
+    std::vector<Leak> leaks;  // all, that one first; entities that stand in the void last. At most 256
 };
 Result<LeakTest> find_leaks(const World& world, const Csg& csg, const Bsp& bsp, const BspOptions& options, Context& context);
 

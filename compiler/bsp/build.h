@@ -11,7 +11,7 @@ Box3 world_box(const World& world, const Csg& csg); // around every brush of the
 
 struct TreeLeaf {
     Contents contents = Contents::empty;
-    bool area_portal = false;
+    std::vector<BrushId> area_portals;         // with volume in it, sorted
     std::vector<std::vector<Vec3>> void_faces; // where it is open to the world's box
     std::vector<PlanePolygon> void_polygons;   // the same, facing out
     Box3 bounds;
@@ -33,10 +33,35 @@ Tree build_tree(const World& world, const Csg& csg, const Space& space, const st
 struct SplitterItem {
     enum Kind : std::uint8_t { structural, translucent, area_portal, hint };
     Poly poly;
+    double area = 0; // of poly, rounded
     Kind kind = structural;
 };
-// The item whose plane divides the node best.
-std::size_t choose_splitter(const PlaneTable& planes, const std::vector<SplitterItem>& items, const Box3& region);
+// Chooses the item whose plane divides a node best. Holds memory that it uses again from node to node.
+class SplitterChooser {
+public:
+    explicit SplitterChooser(const PlaneTable& planes);
+    std::size_t choose(const std::vector<SplitterItem>& items, const Box3& region);
+
+private:
+    struct Candidate { // a plane that some items lie in
+        PlaneId plane; // even id
+        std::uint32_t item = 0, count = 0;
+        double area = 0; // of these items
+        SplitterItem::Kind kind = SplitterItem::structural;
+    };
+    struct Score {
+        double value = 0; // less is better
+        bool cuts_hint = false;
+    };
+    const PlaneTable& planes_;
+    std::vector<std::uint32_t> candidate_of_; // per pair of planes; UINT32_MAX: none, in between two calls all are
+    std::vector<Candidate> all_;
+    std::vector<double> lo_[3], hi_[3]; // of the items' boxes
+    std::vector<std::uint32_t> hints_;  // items
+
+    void find_candidates(const std::vector<SplitterItem>& items, const Box3& region);
+    Score score(const std::vector<SplitterItem>& items, const Candidate& c) const;
+};
 
 // Between any two open leaves; winding and hint filled.
 std::vector<BspPortal> build_portals(const Space& space, const Tree& tree);
@@ -112,6 +137,15 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
 void report_leaks(const World& world, const std::vector<Leak>& leaks, const BspOptions& options, Context& context);
 
 Vec3 closest_point(std::span<const Vec3> convex_winding, Vec3 to);
+
+// Areas of the inside leaves: what hangs together without passing a leaf of an area portal (`portals_in`: per leaf).
+void number_areas(Bsp& bsp, const std::vector<std::vector<BrushId>>& portals_in);
+void find_area_portals(const World& world, const Csg& csg, const std::vector<std::vector<BrushId>>& portals_in, Bsp& bsp,
+                       bool report, Context& context);
+void find_waters(const World& world, const Csg& csg, Bsp& bsp);
+void find_occluders(const World& world, const Csg& csg, const Space& space, Bsp& bsp, Context& context);
+// Clusters of the inside leaves, numbered in the order of leaves. Areas must be known.
+void number_clusters(const World& world, const Csg& csg, const Space& space, Bsp& bsp, Context& context);
 
 std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& space, const Bsp& bsp);
 

@@ -91,7 +91,8 @@ Result<LeakTest> find_leaks(const World& world, const Csg& csg, const Bsp& bsp, 
         std::vector<Leak> leaks = bsp::trace_leaks(world, csg, flow, again);
         if (!leaks.empty()) {
             bsp::report_leaks(world, leaks, options, context);
-            test.leak = std::move(leaks.front());
+            test.leak = leaks.front();
+            test.leaks = std::move(leaks);
             return test;
         }
     }

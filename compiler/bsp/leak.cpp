@@ -12,10 +12,71 @@ namespace kiln::bsp {
 namespace {
 
 constexpr std::size_t kNearBrushes = 8;
-constexpr std::size_t kMostLeakReports = 16;
+constexpr std::size_t kMostLeakReports = 16, kMostLeaks = 256;
+constexpr std::size_t kMostPassesNamed = 4;
 // Steps of the cut: about a second. Levels of usual size with a hole or ten take thousands; what takes more is open
 // to the void all over, and then the narrowest door of the shortest way out says as much.
 constexpr std::uint64_t kCutSteps = 100'000'000;
+
+// Least extent of points in the plane across `n`: across one of the winding edges that they came from, or nearly.
+double width_of(std::span<const std::vector<Vec3>> windings, Vec3 n) {
+    double least = 1e300;
+    for (const std::vector<Vec3>& w : windings)
+        for (std::size_t i = 0; i < w.size(); ++i) {
+            const Vec3 across = cross(n, w[(i + 1) % w.size()] - w[i]);
+            const double l = length(across);
+            if (!(l > 0)) continue;
+            double lo = 1e300, hi = -1e300;
+            for (const std::vector<Vec3>& other : windings)
+                for (const Vec3& p : other) lo = std::min(lo, dot(across, p) / l), hi = std::max(hi, dot(across, p) / l);
+            least = std::min(least, hi - lo);
+        }
+    return least < 1e300 ? least : 0;
+}
+
+// What a designer may have thought to seal. Triggers, hints and their like nobody does.
+bool may_seem_sealing(const WorldBrush& b) {
+    switch (b.contents) {
+    case Contents::solid: return b.model.value != 0;
+    case Contents::detail: case Contents::window: case Contents::grate: case Contents::water: case Contents::slime: case Contents::lava:
+    case Contents::area_portal: case Contents::clip: return true;
+    default: return false;
+    }
+}
+
+// Brushes that the path goes through without being stopped, by their distance from the hole.
+std::vector<BrushId> passes_of(const World& world, const Csg& csg, std::span<const Vec3> path, Vec3 hole) {
+    constexpr double kThrough = 1e-3; // map units of the path inside; less is touching
+    std::vector<std::pair<std::int64_t, BrushId>> found;
+    for (std::size_t b = 0; b < csg.brushes.size(); ++b) {
+        const BrushPolytope& brush = csg.brushes[b];
+        if (!brush.valid || !may_seem_sealing(world.brushes[b])) continue;
+        double least = 1e300;
+        for (std::size_t i = 1; i < path.size(); ++i) {
+            const Vec3 p = path[i - 1], q = path[i];
+            Box3 way;
+            way.add(p), way.add(q);
+            if (!overlap(way, brush.bounds)) continue;
+            double from = 0, to = 1;
+            for (const PlanePolygon& f : brush.faces) {
+                const Vec3 n = csg.planes.normal(f.support);
+                const double d = csg.planes.distance(f.support), s = dot(n, p) - d, e = dot(n, q) - d;
+                if (s > 0 && e > 0) from = 1, to = 0;
+                else if (s > 0) from = std::max(from, s / (s - e));
+                else if (e > 0) to = std::min(to, s / (s - e));
+            }
+            const double l = length(q - p);
+            if ((to - from) * l < kThrough) continue;
+            const double t = std::clamp(dot(hole - p, q - p) / (l * l), from, to);
+            least = std::min(least, length(p + (q - p) * t - hole));
+        }
+        if (least < 1e300) found.emplace_back(std::llround(least * 64), id<BrushId>(b)); // rounding does not decide the order
+    }
+    std::ranges::sort(found);
+    std::vector<BrushId> passes;
+    for (const auto& [distance, b] : found) passes.push_back(b);
+    return passes;
+}
 
 } // namespace
 
@@ -105,15 +166,16 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
     for (std::uint32_t d = 0; d < flow.doors.size(); ++d) closed[d] = !flow.open(d);
 
     std::vector<Leak> leaks;
-    std::vector<double> lengths;
-    const auto add = [&](const Trail& trail, std::span<const Vec3> about, Vec3 hole) {
+    const auto add = [&](const Trail& trail, std::span<const Vec3> about, Vec3 hole, double opening, double wide) {
         Leak leak;
+        leak.area = opening, leak.width = wide;
         leak.entity = placed.entities[trail.start].entity;
         leak.path = trail.points;
         leak.hole = hole;
         leak.near = brushes_near(world, csg, about, kNearBrushes);
+        leak.length = length_of(trail.points);
+        if (opening > 0) leak.passes = passes_of(world, csg, trail.points, hole);
         leaks.push_back(std::move(leak));
-        lengths.push_back(length_of(trail.points));
     };
     if (!starts.empty()) {
         MinCut cut(flow.room_leaf.size());
@@ -133,11 +195,12 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
         for (const std::uint32_t d : cuts) boxes.push_back(box_of(flow.doors[d].winding, 0.5));
         const std::vector<std::uint32_t> hole_of = touching(boxes);
         const std::uint32_t count = cuts.empty() ? 0 : 1 + *std::ranges::max_element(hole_of);
-        for (std::uint32_t h = 0; h < count && h < 4 * kMostLeakReports; ++h) {
+        for (std::uint32_t h = 0; h < count && leaks.size() < kMostLeaks; ++h) {
             std::vector<std::uint8_t> shut = closed;
             std::vector<Vec3> about;
-            Vec3 middle{};
-            double total = 0;
+            std::vector<std::vector<Vec3>> windings;
+            Vec3 middle{}, facing{};
+            double total = 0, largest = -1;
             for (std::size_t i = 0; i < cuts.size(); ++i) {
                 const Door& door = flow.doors[cuts[i]];
                 if (hole_of[i] != h) {
@@ -145,6 +208,8 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
                     continue;
                 }
                 about.insert(about.end(), door.winding.begin(), door.winding.end());
+                windings.push_back(door.winding);
+                if (door.area > largest) largest = door.area, facing = normalize(cross(door.winding[1] - door.winding[0], door.winding[2] - door.winding[0]));
                 middle += centroid(door.winding) * door.area, total += door.area;
             }
             const std::optional<Trail> trail = shortest_trail(flow, placed.entities, starts, shut);
@@ -156,44 +221,71 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
                     if (const Vec3 c = closest_point(flow.doors[cuts[i]].winding, middle);
                         length(c - middle) < length(hole - middle))
                         hole = c;
-            add(*trail, about, hole);
+            add(*trail, about, hole, total, width_of(windings, facing));
         }
     }
-    std::vector<std::size_t> order(leaks.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::ranges::stable_sort(order, {}, [&](std::size_t i) { return lengths[i]; });
-    std::vector<Leak> sorted;
-    for (const std::size_t i : order) sorted.push_back(std::move(leaks[i]));
-    leaks.clear();
+    std::ranges::stable_sort(leaks, {}, &Leak::length);
     for (const std::uint32_t e : exposed) {
+        if (leaks.size() >= kMostLeaks) break;
         const std::vector<std::uint32_t> one{e};
         const std::optional<Trail> trail = shortest_trail(flow, placed.entities, one, closed);
         if (!trail) continue;
         const Vec3 at = placed.entities[e].origin;
-        add(*trail, std::span(&at, 1), at);
+        add(*trail, std::span(&at, 1), at, 0, 0);
     }
-    for (Leak& l : leaks) sorted.push_back(std::move(l));
-    return sorted;
+    return leaks;
 }
 
 void report_leaks(const World& world, const std::vector<Leak>& leaks, const BspOptions& options, Context& context) {
     const Severity severity = options.allow_leaks ? Severity::warning : Severity::error;
+    const auto number = [](double x) { return fmt::format("{}", std::round(x * 1000) / 1000); };
     for (std::size_t i = 0; i < leaks.size() && i < kMostLeakReports; ++i) {
         const Leak& leak = leaks[i];
         const WorldEntity& e = world.entities[leak.entity.at()];
-        const std::string who = fmt::format("entity {} at {}", e.get("classname", "(no classname)"), name_place(e.origin));
-        const std::string way = fmt::format("path of {:.0f} units; nearest brushes: {}", length_of(leak.path),
-                                            name_brushes(world, leak.near));
-        const bool exposed = !leak.path.empty() && leak.hole == leak.path.front();
-        context.report(severity, "leak",
-                       exposed ? fmt::format("leak: {} stands in the void; {}", who, way)
-                               : fmt::format("leak: {} reaches the void through the opening at {}; {}", who,
-                                             name_place(leak.hole), way),
-                       world.location(leak.entity));
+        std::string text = fmt::format("leak: entity {} at {} ", e.get("classname", "(no classname)"), name_place(e.origin));
+        if (leak.area > 0)
+            text += fmt::format("reaches the void through the opening at {}, {} wide, {} square units; ", name_place(leak.hole), number(leak.width), number(leak.area));
+        else text += "stands in the void; ";
+        text += fmt::format("path of {:.0f} units; ", leak.length);
+        for (std::size_t k = 0; k < std::min(leak.passes.size(), kMostPassesNamed); ++k)
+            text += fmt::format("{}{}", k == 0 ? "it passes through " : ", ", name_of_unsealing(world, leak.passes[k]));
+        if (leak.passes.size() > kMostPassesNamed) text += fmt::format(" and {} more", leak.passes.size() - kMostPassesNamed);
+        if (!leak.passes.empty()) text += leak.passes.size() == 1 ? ", which does not seal; " : ", which do not seal; ";
+        context.report(severity, "leak", text + "nearest brushes: " + name_brushes(world, leak.near), world.location(leak.entity));
     }
     if (leaks.size() > kMostLeakReports)
-        context.report(severity, "leak", fmt::format("and {} more leaks", leaks.size() - kMostLeakReports),
+        context.report(severity, "leak",
+                       fmt::format("and {}{} more leaks; --report lists them", leaks.size() < kMostLeaks ? "" : "at least ", leaks.size() - kMostLeakReports),
                        {.file = world.file});
 }
 
 } // namespace kiln::bsp
+
+namespace kiln {
+
+std::string name_of_unsealing(const World& world, BrushId brush) {
+    const WorldBrush& b = world.brushes[brush.at()];
+    const WorldEntity& e = world.entities[b.entity.at()];
+    const SourceLocation at = world.location(brush);
+    const auto kind = [&]() -> std::string {
+        if (b.displaced) return "displacement";
+        switch (b.contents) {
+        case Contents::window: return "window";
+        case Contents::grate: return "grate";
+        case Contents::water: return "water";
+        case Contents::slime: return "slime";
+        case Contents::lava: return "lava";
+        case Contents::clip: return "clip";
+        case Contents::area_portal: return "area portal";
+        default: return "detail";
+        }
+    };
+    const std::string line = world.file == at.file ? fmt::format("line {}", at.line) : fmt::format("{}:{}", at.file, at.line);
+    // An entity names itself; what it holds is told where its name does not.
+    if (b.entity.value == 0) return fmt::format("{} brush {} ({})", kind(), at.brush, line);
+    const std::string_view name = e.get("classname", "entity");
+    const bool told = b.contents == Contents::solid || b.contents == Contents::detail;
+    return fmt::format("{}{} {} ({})", told && !b.displaced ? "" : kind() + " of ", name, at.brush, line);
+}
+
+} // namespace kiln

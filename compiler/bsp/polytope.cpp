@@ -30,39 +30,94 @@ unsigned box_side(const Space& space, const Box3& box, const Splitter& q) {
     return kBoth;
 }
 
+namespace {
+
+int side_of_vertex(const Space& space, const Poly& poly, std::size_t i, const Splitter& q) {
+    const double d = dot(q.normal, poly.points[i]) - q.distance;
+    if (d > space.margin) return 1;
+    if (d < -space.margin) return -1;
+    const auto& edges = poly.polygon.edges;
+    return space.planes.side(poly.polygon.support, edges[i == 0 ? edges.size() - 1 : i - 1], edges[i], q.plane);
+}
+
+// The part of `poly` where keep * side > 0, with the plane that closes it. The points it keeps are those it has: rounding
+// depends on the point alone, not on the planes that give it. fresh[k]: the points where q meets edge `crossed[k]`.
+Poly part(const Poly& poly, const std::int8_t* side, int keep, PlaneId closing, const std::array<std::size_t, 2>& crossed,
+          const std::array<Vec3, 2>& fresh) {
+    const std::size_t n = poly.points.size();
+    const auto& edges = poly.polygon.edges;
+    Poly out;
+    out.polygon.support = poly.polygon.support;
+    out.polygon.edges.reserve(n + 1);
+    out.points.reserve(n + 1);
+    const auto add = [&](PlaneId edge, const Vec3& from) {
+        out.polygon.edges.push_back(edge);
+        out.points.push_back(from);
+        out.box.add(from);
+    };
+    const auto met = [&](std::size_t edge) { return fresh[crossed[0] == edge ? 0 : 1]; };
+    for (std::size_t i = 0; i < n; ++i) {
+        const std::size_t next = i + 1 == n ? 0 : i + 1;
+        const int here = keep * side[i], there = keep * side[next];
+        if (here <= 0 && there <= 0) continue;
+        add(edges[i], here < 0 ? met(i) : poly.points[i]);
+        if (there <= 0) add(closing, there < 0 ? met(i) : poly.points[next]);
+    }
+    return out;
+}
+
+} // namespace
+
 unsigned sides(const Space& space, const Poly& poly, const Splitter& q) {
     if (same_plane(poly.polygon.support, q.plane)) return 0;
     if (const unsigned s = box_side(space, poly.box, q); s != kBoth) return s;
     unsigned found = 0;
-    const auto& edges = poly.polygon.edges;
-    for (std::size_t i = 0; i < edges.size() && found != kBoth; ++i) {
-        const double d = dot(q.normal, poly.points[i]) - q.distance;
-        if (d > space.margin) {
-            found |= kFront;
-        } else if (d < -space.margin) {
-            found |= kBack;
-        } else {
-            const PlaneId before = edges[i == 0 ? edges.size() - 1 : i - 1];
-            const int s = space.planes.side(poly.polygon.support, before, edges[i], q.plane);
-            found |= s > 0 ? kFront : s < 0 ? kBack : 0;
-        }
+    for (std::size_t i = 0; i < poly.points.size() && found != kBoth; ++i) {
+        const int s = side_of_vertex(space, poly, i, q);
+        found |= s > 0 ? kFront : s < 0 ? kBack : 0;
     }
     KILN_CHECK(found != 0); // planes are interned: a polygon lies in q only if q is its support
     return found;
 }
 
+unsigned divide(const Space& space, Poly& poly, const Splitter& q, Poly& back) {
+    if (same_plane(poly.polygon.support, q.plane)) return 0;
+    if (const unsigned s = box_side(space, poly.box, q); s != kBoth) return s;
+    constexpr std::size_t kSmall = 64;
+    std::array<std::int8_t, kSmall> small;
+    std::vector<std::int8_t> large;
+    const std::size_t n = poly.points.size();
+    std::int8_t* side = small.data();
+    if (n > kSmall) large.resize(n), side = large.data();
+    unsigned found = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+        side[i] = static_cast<std::int8_t>(side_of_vertex(space, poly, i, q));
+        found |= side[i] > 0 ? kFront : side[i] < 0 ? kBack : 0;
+    }
+    KILN_CHECK(found != 0);
+    if (found != kBoth) return found;
+    std::array<std::size_t, 2> crossed{n, n};
+    std::array<Vec3, 2> fresh{};
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < n; ++i)
+        if (side[i] * side[i + 1 == n ? 0 : i + 1] < 0) {
+            KILN_CHECK_OP(count, <, std::size_t{2}); // convex
+            crossed[count] = i;
+            fresh[count++] = space.planes.point(poly.polygon.support, poly.polygon.edges[i], q.plane);
+        }
+    back = part(poly, side, -1, q.plane, crossed, fresh);
+    poly = part(poly, side, +1, flipped(q.plane), crossed, fresh);
+    return kBoth;
+}
+
 Halves cut(const Space& space, Poly&& poly, const Splitter& q) {
-    const unsigned s = sides(space, poly, q);
     Halves halves;
-    if (s == kFront) {
-        halves.front = std::move(poly);
-    } else if (s == kBack) {
-        halves.back = std::move(poly);
-    } else if (s == kBoth) {
-        SplitPolygon parts = split(space.planes, poly.polygon, q.plane);
-        KILN_CHECK(parts.front && parts.back);
-        halves.front = make_poly(space.planes, std::move(*parts.front));
-        halves.back = make_poly(space.planes, std::move(*parts.back));
+    Poly back;
+    switch (divide(space, poly, q, back)) {
+    case kFront: halves.front = std::move(poly); break;
+    case kBack: halves.back = std::move(poly); break;
+    case kBoth: halves.front = std::move(poly), halves.back = std::move(back); break;
+    default: break;
     }
     return halves;
 }
@@ -110,10 +165,14 @@ unsigned sides(const Space& space, const Polytope& polytope, const Splitter& q) 
 
 void cut(const Space& space, Polytope&& polytope, const Splitter& q, const PlanePolygon& cap, Polytope& front,
          Polytope& back) {
+    front.faces.reserve(polytope.faces.size() + 1);
+    back.faces.reserve(polytope.faces.size() + 1);
     for (Poly& f : polytope.faces) {
-        Halves halves = cut(space, std::move(f), q);
-        if (halves.front) front.faces.push_back(std::move(*halves.front));
-        if (halves.back) back.faces.push_back(std::move(*halves.back));
+        Poly behind;
+        const unsigned s = divide(space, f, q, behind);
+        if (s & kFront) front.faces.push_back(std::move(f));
+        if (s == kBack) back.faces.push_back(std::move(f));
+        if (s == kBoth) back.faces.push_back(std::move(behind));
     }
     back.faces.push_back(make_poly(space.planes, cap));
     Poly other = back.faces.back();

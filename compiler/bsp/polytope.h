@@ -38,6 +38,9 @@ inline bool same_plane(PlaneId a, PlaneId b) { return (a.value | 1u) == (b.value
 unsigned box_side(const Space& space, const Box3& box, const Splitter& q);
 // Where the polygon has points off the plane; 0: it lies in it.
 unsigned sides(const Space& space, const Poly& poly, const Splitter& q);
+// Cuts in place: kFront, kBack: the whole polygon is there; 0: it lies in q; in these `poly` stays. kBoth: `poly` is now the
+// part in front, `back` the other.
+unsigned divide(const Space& space, Poly& poly, const Splitter& q, Poly& back);
 struct Halves {
     std::optional<Poly> front, back;
 };

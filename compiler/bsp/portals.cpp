@@ -27,10 +27,11 @@ void push(const Space& space, const Tree& tree, std::int32_t child, Poly&& poly,
             continue;
         }
         const BspNode& node = tree.nodes[static_cast<std::size_t>(at)];
-        Halves halves = cut(space, std::move(p), Splitter(node.plane, node.normal, node.distance));
-        KILN_CHECK(halves.front || halves.back); // a node below crosses the region, so it is another plane
-        if (halves.back) stack.emplace_back(node.child[1], std::move(*halves.back));
-        if (halves.front) stack.emplace_back(node.child[0], std::move(*halves.front));
+        Poly behind;
+        const unsigned s = divide(space, p, Splitter(node.plane, node.normal, node.distance), behind);
+        KILN_CHECK(s != 0); // a node below crosses the region, so it is another plane
+        if (s & kBack) stack.emplace_back(node.child[1], std::move(s == kBoth ? behind : p));
+        if (s & kFront) stack.emplace_back(node.child[0], std::move(p));
     }
 }
 

@@ -3,16 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 namespace kiln::bsp {
 namespace {
-
-struct Candidate {
-    PlaneId plane; // even id
-    std::uint32_t item = 0;
-    double area = 0;      // of the items that lie in it
-    SplitterItem::Kind kind = SplitterItem::structural;
-};
 
 // Every plane of small nodes is tried; of large ones those with most area in them and, on each axis, those nearest
 // to the middle: the first are what levels are laid out along, the others keep the depth logarithmic.
@@ -26,92 +20,121 @@ constexpr double kTranslucentCost = 500; // after what hides
 
 constexpr double kFlat = 0.01; // map units: a box this little across a plane is not counted as cut by it
 
-struct Score {
-    double value = std::numeric_limits<double>::infinity(); // less is better
-    bool cuts_hint = false;
-};
+} // namespace
 
-Score score(const std::vector<SplitterItem>& items, const Candidate& c, const PlaneTable& planes) {
-    const Vec3 n = planes.normal(c.plane);
-    const double d = planes.distance(c.plane);
+SplitterChooser::SplitterChooser(const PlaneTable& planes) : planes_(planes), candidate_of_(planes.planes.size() / 2, UINT32_MAX) {}
+
+SplitterChooser::Score SplitterChooser::score(const std::vector<SplitterItem>& items, const Candidate& c) const {
+    const Vec3 n = planes_.normal(c.plane);
+    const double d = planes_.distance(c.plane);
     const Vec3 m{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
     const bool axial = m.x == 1 || m.y == 1 || m.z == 1;
-    std::size_t front = 0, back = 0, cut = 0, in = 0;
     Score s;
-    for (const SplitterItem& item : items) {
-        if (same_plane(item.poly.polygon.support, c.plane)) {
-            ++in;
-            continue;
+    std::size_t front = 0, back = 0, cut = 0;
+    if (axial) {
+        const std::size_t k = m.x == 1 ? 0 : m.y == 1 ? 1 : 2;
+        const double above = n[k] * d + kFlat, below = n[k] * d - kFlat;
+        const double *lo = lo_[k].data(), *hi = hi_[k].data();
+        std::int64_t over = 0, under = 0, across = 0; // as wide as the doubles: the loop is done several items at a time
+        for (std::size_t i = 0, count = items.size(); i < count; ++i) { // what lies in the plane is neither
+            const std::int64_t o = hi[i] > above, u = lo[i] < below;
+            over += o, under += u, across += o & u;
         }
-        const double at = dot(n, item.poly.box.center()) - d;
-        const double reach = dot(m, item.poly.box.size()) * 0.5 - kFlat;
-        bool before = at + reach > 0, behind = at - reach < 0;
-        if (before && behind && !axial) { // the box is only a bound here
-            before = behind = false;
-            for (const Vec3& p : item.poly.points) {
-                const double e = dot(n, p) - d;
-                before = before || e > kFlat, behind = behind || e < -kFlat;
+        front = static_cast<std::size_t>(over), back = static_cast<std::size_t>(under), cut = static_cast<std::size_t>(across);
+        for (const std::uint32_t h : hints_) s.cuts_hint = s.cuts_hint || (hi[h] > above && lo[h] < below);
+    } else {
+        for (std::size_t i = 0; i < items.size(); ++i) {
+            const double at = 0.5 * (n.x * (lo_[0][i] + hi_[0][i]) + n.y * (lo_[1][i] + hi_[1][i]) + n.z * (lo_[2][i] + hi_[2][i])) - d;
+            const double reach = 0.5 * (m.x * (hi_[0][i] - lo_[0][i]) + m.y * (hi_[1][i] - lo_[1][i]) + m.z * (hi_[2][i] - lo_[2][i])) - kFlat;
+            bool before = at + reach > 0, behind = at - reach < 0;
+            if (before && behind) { // the box is only a bound here
+                if (same_plane(items[i].poly.polygon.support, c.plane)) continue;
+                before = behind = false;
+                for (const Vec3& p : items[i].poly.points) {
+                    const double e = dot(n, p) - d;
+                    before = before || e > kFlat, behind = behind || e < -kFlat;
+                }
             }
-        }
-        front += before, back += behind;
-        if (before && behind) {
-            ++cut;
-            if (item.kind == SplitterItem::hint) s.cuts_hint = true;
+            front += before, back += behind;
+            if (before && behind) {
+                ++cut;
+                if (items[i].kind == SplitterItem::hint) s.cuts_hint = true;
+            }
         }
     }
     const double unbalanced = std::abs(static_cast<double>(front) - static_cast<double>(back));
-    s.value = kCutCost * static_cast<double>(cut) + kUnevenCost * unbalanced - kInPlaneGain * static_cast<double>(in);
+    s.value = kCutCost * static_cast<double>(cut) + kUnevenCost * unbalanced - kInPlaneGain * static_cast<double>(c.count);
     if (axial) s.value -= kAxialGain;
     if (c.kind == SplitterItem::translucent) s.value += kTranslucentCost;
     return s;
 }
 
-std::vector<Candidate> candidates(const std::vector<SplitterItem>& items, const PlaneTable& planes, const Box3& region) {
-    std::vector<Candidate> all(items.size());
-    for (std::size_t i = 0; i < items.size(); ++i)
-        all[i] = {PlaneId{items[i].poly.polygon.support.value & ~1u}, static_cast<std::uint32_t>(i),
-                  area(items[i].poly.points), items[i].kind};
-    std::ranges::sort(all, [](const Candidate& a, const Candidate& b) {
-        return std::tuple(a.plane, a.kind != SplitterItem::hint, a.kind, a.item) <
-               std::tuple(b.plane, b.kind != SplitterItem::hint, b.kind, b.item);
-    });
-    std::vector<Candidate> planes_once;
-    for (const Candidate& c : all) {
-        if (!planes_once.empty() && planes_once.back().plane == c.plane) planes_once.back().area += c.area;
-        else planes_once.push_back(c);
+// Into all_; of many planes those to be tried.
+void SplitterChooser::find_candidates(const std::vector<SplitterItem>& items, const Box3& region) {
+    all_.clear();
+    for (std::uint32_t i = 0; i < items.size(); ++i) {
+        const SplitterItem& item = items[i];
+        const PlaneId plane{item.poly.polygon.support.value & ~1u};
+        std::uint32_t& slot = candidate_of_[plane.value / 2];
+        if (slot == UINT32_MAX) {
+            slot = static_cast<std::uint32_t>(all_.size());
+            all_.push_back({plane, i, 0, 0, item.kind});
+        }
+        Candidate& c = all_[slot];
+        // A plane is what the first of its hints is, or else the first of its strongest kind.
+        const auto rank = [](SplitterItem::Kind kind) { return std::tuple(kind != SplitterItem::hint, kind); };
+        if (rank(item.kind) < rank(c.kind)) c.item = i, c.kind = item.kind;
+        ++c.count, c.area += item.area;
     }
-    if (planes_once.size() <= kTryAll) return planes_once;
+    for (const Candidate& c : all_) candidate_of_[c.plane.value / 2] = UINT32_MAX;
+    std::ranges::sort(all_, {}, &Candidate::plane);
+    if (all_.size() <= kTryAll) return;
+
     std::vector<Candidate> few;
-    std::vector<bool> taken(planes_once.size());
+    std::vector<bool> taken(all_.size());
     const auto take = [&](std::size_t i) {
-        if (!taken[i]) taken[i] = true, few.push_back(planes_once[i]);
+        if (!taken[i]) taken[i] = true, few.push_back(all_[i]);
     };
-    std::vector<std::size_t> order(planes_once.size());
+    std::vector<std::size_t> order(all_.size());
     for (std::size_t i = 0; i < order.size(); ++i) {
         order[i] = i;
-        if (planes_once[i].kind == SplitterItem::hint) take(i);
+        if (all_[i].kind == SplitterItem::hint) take(i);
     }
-    std::ranges::stable_sort(order, [&](auto a, auto b) { return planes_once[a].area > planes_once[b].area; });
+    std::partial_sort(order.begin(), order.begin() + kByArea, order.end(),
+                      [&](auto a, auto b) { return all_[a].area != all_[b].area ? all_[a].area > all_[b].area : a < b; });
     for (std::size_t i = 0; i < kByArea; ++i) take(order[i]);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        std::vector<std::pair<double, std::size_t>> along;
-        for (std::size_t i = 0; i < planes_once.size(); ++i)
-            if (const Vec3 n = planes.normal(planes_once[i].plane); std::abs(n[axis]) == 1)
-                along.emplace_back(std::abs(planes.distance(planes_once[i].plane) * n[axis] - region.center()[axis]), i);
-        const std::size_t count = std::min(kNearMiddle, along.size());
-        std::partial_sort(along.begin(), along.begin() + static_cast<std::ptrdiff_t>(count), along.end());
-        for (std::size_t i = 0; i < count; ++i) take(along[i].second);
+    std::vector<std::pair<double, std::size_t>> along[3];
+    for (std::size_t i = 0; i < all_.size(); ++i) {
+        const ExactPlane& p = planes_.planes[all_[i].plane.at()];
+        const int zeros = (p.a == 0) + (p.b == 0) + (p.c == 0);
+        if (zeros != 2) continue;
+        const std::size_t axis = p.a != 0 ? 0 : p.b != 0 ? 1 : 2;
+        const double facing = p.a + p.b + p.c > 0 ? 1 : -1;
+        along[axis].emplace_back(std::abs(planes_.distance(all_[i].plane) * facing - region.center()[axis]), i);
     }
-    return few;
+    for (auto& one : along) {
+        const std::size_t count = std::min(kNearMiddle, one.size());
+        std::partial_sort(one.begin(), one.begin() + static_cast<std::ptrdiff_t>(count), one.end());
+        for (std::size_t i = 0; i < count; ++i) take(one[i].second);
+    }
+    all_.swap(few);
 }
 
-} // namespace
-
-std::size_t choose_splitter(const PlaneTable& planes, const std::vector<SplitterItem>& items, const Box3& region) {
+std::size_t SplitterChooser::choose(const std::vector<SplitterItem>& items, const Box3& region) {
+    find_candidates(items, region);
+    if (all_.size() == 1) return all_[0].item;
+    hints_.clear();
+    for (std::size_t k = 0; k < 3; ++k) lo_[k].resize(items.size()), hi_[k].resize(items.size());
+    for (std::uint32_t i = 0; i < items.size(); ++i) {
+        const Box3& box = items[i].poly.box;
+        lo_[0][i] = box.lo.x, lo_[1][i] = box.lo.y, lo_[2][i] = box.lo.z;
+        hi_[0][i] = box.hi.x, hi_[1][i] = box.hi.y, hi_[2][i] = box.hi.z;
+        if (items[i].kind == SplitterItem::hint) hints_.push_back(i);
+    }
     std::size_t best = 0;
     std::pair<bool, double> least{true, std::numeric_limits<double>::infinity()};
-    for (const Candidate& c : candidates(items, planes, region)) {
-        const Score s = score(items, c, planes);
+    for (const Candidate& c : all_) {
+        const Score s = score(items, c);
         // A hint polygon is cut by nothing but another hint: it says where a level is to be divided.
         const std::pair<bool, double> now{s.cuts_hint && c.kind != SplitterItem::hint, s.value};
         if (now < least) least = now, best = c.item;

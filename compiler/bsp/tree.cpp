@@ -43,7 +43,7 @@ std::optional<SplitterItem::Kind> kind_of(Contents behind) {
 class Builder {
 public:
     Builder(const World& world, const Csg& csg, const Space& space, const std::array<PlaneId, 6>& box, Context& context)
-        : world_(world), csg_(csg), space_(space), box_(box), context_(context) {}
+        : world_(world), csg_(csg), space_(space), box_(box), context_(context), chooser_(space.planes) {}
 
     Tree run() {
         std::vector<Work> stack;
@@ -74,12 +74,18 @@ private:
     Context& context_;
     Tree tree_;
     std::size_t steps_ = 0;
+    SplitterChooser chooser_;
+
+    static SplitterItem item(Poly poly, SplitterItem::Kind kind) {
+        const double size = area(poly.points);
+        return {std::move(poly), size, kind};
+    }
 
     Work root() {
         Work work;
         for (const Fragment& f : csg_.fragments)
             if (const auto kind = f.model.value == 0 ? kind_of(f.behind) : std::nullopt)
-                work.items.push_back({make_poly(space_.planes, f.polygon), *kind});
+                work.items.push_back(item(make_poly(space_.planes, f.polygon), *kind));
         for (std::size_t b = 0; b < csg_.brushes.size(); ++b) {
             const BrushPolytope& brush = csg_.brushes[b];
             const WorldBrush& source = world_.brushes[b];
@@ -119,7 +125,7 @@ private:
                 if (!std::ranges::any_of(work.region.faces, [&](const Poly& r) {
                         return same_plane(r.polygon.support, f.polygon.support);
                     }))
-                    work.items.push_back({f, SplitterItem::translucent});
+                    work.items.push_back(item(f, SplitterItem::translucent));
         }
     }
 
@@ -128,12 +134,13 @@ private:
         leaf.bounds = work.region.box;
         for (const Piece& p : work.pieces) {
             if (is_listed(p.contents)) leaf.brushes.push_back(p.brush);
-            if (p.contents == Contents::area_portal) leaf.area_portal = true;
+            if (p.contents == Contents::area_portal) leaf.area_portals.push_back(p.brush);
             if (p.contents == Contents::detail || p.contents == Contents::clip) continue;
             const auto rank = [](Contents c) { return strength(c).value_or(c == Contents::empty ? INT_MAX : INT_MAX - 1); };
             if (rank(p.contents) < rank(leaf.contents)) leaf.contents = p.contents; // the strongest fills it
         }
         std::ranges::sort(leaf.brushes);
+        std::ranges::sort(leaf.area_portals);
         leaf.thickness = 1e30;
         for (const Poly& f : work.region.faces) {
             const Vec3 n = space_.planes.normal(f.polygon.support);
@@ -151,7 +158,7 @@ private:
     }
 
     std::pair<Work, Work> divide(Work&& work) {
-        const std::size_t chosen = choose_splitter(space_.planes, work.items, work.region.box);
+        const std::size_t chosen = chooser_.choose(work.items, work.region.box);
         const bool hint = work.items[chosen].kind == SplitterItem::hint;
         const Splitter q(space_.planes, PlaneId{work.items[chosen].poly.polygon.support.value & ~1u});
         const std::int32_t node = static_cast<std::int32_t>(tree_.nodes.size());
@@ -166,11 +173,16 @@ private:
                                .distance = q.distance});
         tree_.hint.push_back(hint);
 
-        for (SplitterItem& item : work.items) {
-            Halves halves = cut(space_, std::move(item.poly), q); // those in q are neither: absorbed
-            if (halves.front && halves.back) ++tree_.splits;
-            if (halves.front) parts.first.items.push_back({std::move(*halves.front), item.kind});
-            if (halves.back) parts.second.items.push_back({std::move(*halves.back), item.kind});
+        for (SplitterItem& whole : work.items) {
+            Poly behind;
+            const unsigned s = bsp::divide(space_, whole.poly, q, behind); // those in q are neither: absorbed
+            if (s == kBoth) {
+                ++tree_.splits;
+                parts.first.items.push_back(item(std::move(whole.poly), whole.kind));
+                parts.second.items.push_back(item(std::move(behind), whole.kind));
+            } else if (s != 0) {
+                (s == kFront ? parts.first : parts.second).items.push_back(std::move(whole));
+            }
         }
         for (Piece& piece : work.pieces) {
             const unsigned s = sides(space_, piece.body, q);

@@ -8,7 +8,9 @@ std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& spac
     std::vector<std::pair<std::int32_t, Poly>> stack;
     for (std::uint32_t f = 0; f < csg.fragments.size(); ++f) {
         const Fragment& fragment = csg.fragments[f];
-        if (fragment.covered || fragment.behind == Contents::hint || fragment.behind == Contents::area_portal) continue;
+        if (fragment.covered || fragment.behind == Contents::hint || fragment.behind == Contents::area_portal ||
+            fragment.behind == Contents::occluder)
+            continue;
         if (fragment.model.value != 0) {
             visible.push_back({f, fragment.polygon, {}});
             continue;
@@ -28,9 +30,10 @@ std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& spac
                 stack.emplace_back(node.child[poly.polygon.support == node.plane ? 0 : 1], std::move(poly));
                 continue;
             }
-            Halves halves = cut(space, std::move(poly), Splitter(node.plane, node.normal, node.distance));
-            if (halves.back) stack.emplace_back(node.child[1], std::move(*halves.back));
-            if (halves.front) stack.emplace_back(node.child[0], std::move(*halves.front));
+            Poly behind;
+            const unsigned s = divide(space, poly, Splitter(node.plane, node.normal, node.distance), behind);
+            if (s & kBack) stack.emplace_back(node.child[1], std::move(s == kBoth ? behind : poly));
+            if (s & kFront) stack.emplace_back(node.child[0], std::move(poly));
         }
     }
     return visible;

@@ -93,22 +93,34 @@ public:
             }
             return;
         }
-        if (!strength(a.contents)) return;
+        const bool occluder = a.contents == Contents::occluder;
+        if (!occluder && !strength(a.contents)) return;
         std::erase_if(near, [&](std::uint32_t b) {
-            return b == brush || world_.brushes[b].model != a.model || !strength(world_.brushes[b].contents) ||
-                   !overlap(brushes_[b].bounds, brushes_[brush].bounds);
+            const WorldBrush& other = world_.brushes[b];
+            // Occluders meet only those of their own entity, all of one strength.
+            const bool meets = occluder ? other.contents == Contents::occluder && other.entity == a.entity
+                                        : other.model == a.model && strength(other.contents).has_value();
+            return b == brush || !meets || !overlap(brushes_[b].bounds, brushes_[brush].bounds);
         });
         // Strongest first: of the weaker ones, the first to be found in front is the one that fills the space.
         std::stable_sort(near.begin(), near.end(), [&](std::uint32_t x, std::uint32_t y) {
-            return *strength(world_.brushes[x].contents) < *strength(world_.brushes[y].contents);
+            return strength_of(x) < strength_of(y);
         });
-        for (std::size_t f = 0; f < brushes_[brush].faces.size(); ++f) cut_face(brush, f, near, out);
+        for (std::size_t f = 0; f < brushes_[brush].faces.size(); ++f)
+            if (!occluder || occludes(brushes_[brush].sides[f])) cut_face(brush, f, near, out);
     }
 
 private:
     const World& world_;
     const PlaneTable& planes_;
     const std::vector<BrushPolytope>& brushes_;
+
+    int strength_of(std::size_t brush) const { return strength(world_.brushes[brush].contents).value_or(0); } // occluders: 0
+    // Designers paint nodraw what of an occluder need not occlude.
+    bool occludes(SideId side) const {
+        const MaterialId m = world_.sides[side.at()].material;
+        return !m.valid() || !(world_.materials[m.at()].flags & (kNoDraw | kSkip));
+    }
 
     Fragment fragment(std::size_t brush, std::size_t face, PlanePolygon polygon) const {
         Fragment f;
@@ -124,12 +136,13 @@ private:
                   std::vector<Fragment>& out) const {
         const PlanePolygon& whole = brushes_[brush].faces[face];
         const Contents contents = world_.brushes[brush].contents;
-        const int own = *strength(contents);
+        const int own = strength_of(brush);
         const auto finish = [&](PlanePolygon polygon, Contents front) {
             Fragment f = fragment(brush, face, std::move(polygon));
             f.front = front;
             f.covered = contents == Contents::solid && front == Contents::detail;
-            f.both_sides = own >= *strength(Contents::lava) && front == Contents::empty;
+            const auto liquid = [](Contents c) { return c == Contents::water || c == Contents::slime || c == Contents::lava; };
+            f.both_sides = liquid(contents) && (front == Contents::empty || liquid(front));
             out.push_back(std::move(f));
         };
         std::vector<Piece> stack;
@@ -152,7 +165,7 @@ private:
                 const std::uint32_t b = piece.others[i];
                 const Meeting meeting = meet(planes_, piece.polygon, brushes_[b], cuts);
                 if (meeting == Meeting::apart) continue;
-                const int theirs = *strength(world_.brushes[b].contents);
+                const int theirs = strength_of(b);
                 const bool removes = meeting == Meeting::same_face ? theirs < own || (theirs == own && b < brush)
                                                                    : theirs <= own;
                 if (meeting == Meeting::same_face && !removes) continue;
@@ -171,7 +184,7 @@ private:
     // Where many brushes that take away lie ahead (their order does not matter), the one nearest to the piece's middle
     // comes next.
     void choose_next(Piece& piece, std::size_t i, int own) const {
-        const auto removes = [&](std::uint32_t b) { return *strength(world_.brushes[b].contents) <= own; };
+        const auto removes = [&](std::uint32_t b) { return strength_of(b) <= own; };
         if (piece.others.size() - i < kMany || !removes(piece.others[i + kMany - 1])) return;
         const Vec3 middle = piece.box.center();
         std::size_t best = i;

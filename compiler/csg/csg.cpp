@@ -1,6 +1,7 @@
 #include "compiler/csg/csg.h"
 #include "compiler/csg/box_tree.h"
 #include "compiler/csg/coverage.h"
+#include "compiler/csg/editor_check.h"
 #include "compiler/csg/input_planes.h"
 #include "compiler/csg/merge_planes.h"
 #include "compiler/csg/polytope.h"
@@ -177,6 +178,8 @@ Result<Csg> build_csg(const World& world, const CsgOptions& options, Context& co
         return fault(Exit::geometry, "nothing-to-compile",
                      world.brushes.empty() ? "the map has no brushes" : "none of the map's brushes encloses a volume",
                      {world.file});
+
+    compare_with_editor(world, csg, context); // before planes are merged: that moves corners on purpose
 
     std::vector<char> integral(world.sides.size());
     for (std::size_t s = 0; s < integral.size(); ++s) integral[s] = input[s].integral;

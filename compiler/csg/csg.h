@@ -33,6 +33,8 @@ struct BrushPolytope {
 //                         structural brushes: what a BSP needs. Skip `covered` ones for what can be seen.
 //   behind = hint         whole hint-textured sides, nothing carved away; splitters only
 //   behind = area_portal  whole sides, nothing carved away; splitters only
+//   behind = occluder     the boundary of the union of the occluder brushes of one entity, less nodraw sides: polygons for
+//                         the run time, not to be drawn
 // Clip and trigger brushes have none.
 struct Fragment {
     PlanePolygon polygon;
@@ -42,7 +44,7 @@ struct Fragment {
     Contents behind = Contents::solid; // contents of `brush`
     Contents front = Contents::empty;  // what lies right in front: empty, or the strongest weaker brush there
     bool covered = false;              // a structural face with detail right in front: not to be drawn or lit
-    bool both_sides = false;           // surface of a liquid against air: also seen from behind
+    bool both_sides = false;           // surface of a liquid against air or a weaker liquid: also seen from behind
     template <class A> void fields(A& a) { a(polygon, side, brush, model, behind, front, covered, both_sides); }
 };
 
@@ -57,11 +59,19 @@ struct CsgReport {
     std::uint32_t kept_brushes = 0;    // brushes whose planes stayed because moving them would have lost a side
     std::uint32_t redundant_sides = 0; // of valid brushes: contribute no face
     std::uint32_t invalid_brushes = 0;
+    std::uint32_t editor_sides = 0;    // whose corners as the editor saw them are in the file, compared with the exact ones …
+    std::uint32_t editor_mismatches = 0; // … of these, those that differ by more than kEditorMismatch
+    double largest_editor_mismatch = 0;  // map units, of all compared
+    SideId largest_editor_mismatch_side;
     template <class A> void fields(A& a) {
         a(grid_bits, rounded_sides, largest_rounding, largest_rounding_side, merged_planes, largest_move,
-          largest_move_brush, kept_brushes, redundant_sides, invalid_brushes);
+          largest_move_brush, kept_brushes, redundant_sides, invalid_brushes, editor_sides, editor_mismatches,
+          largest_editor_mismatch, largest_editor_mismatch_side);
     }
 };
+
+// Map units: where a side's corners lie farther than this from where the editor saw them, its plane was misread.
+constexpr double kEditorMismatch = 1.0 / 8;
 
 // Half the side of the cube that stands for all space, map units. Plane points lie within half of it.
 constexpr double kWorldHalfSize = 1 << 20;

@@ -71,10 +71,9 @@ Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchT
     const Face& face = s.faces[hit.face.at()];
     std::uint32_t patch;
     if (face.chart.valid()) {
-        const Chart& chart = s.charts[face.chart.at()];
-        const std::uint32_t texel = index.texel_at(chart, hit.position);
+        const std::uint32_t texel = index.texel_at(hit.face, hit.position);
         if (patches.texel_patch[texel] < kMixedPatch) return static_cast<Rgbd>(light.texel[texel]);
-        const std::uint32_t piece = index.piece_at(hit.face, chart, hit.position);
+        const std::uint32_t piece = index.piece_at(hit.face, hit.position);
         patch = piece == UINT32_MAX ? kNoPatch : patches.piece_patch[piece];
     } else {
         patch = patches.face_patch[hit.face.at()];
@@ -94,7 +93,7 @@ std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
 }
 
 Vec3 Bake::luxel_centroid(const Luxel& l) const {
-    return world_from_luxel(surfaces_, surfaces_.charts[l.chart.at()], l.face, l.centroid);
+    return world_from_luxel(surfaces_, l.face, l.centroid);
 }
 
 Footprint Bake::footprint_of_patch(std::uint32_t p) const {
@@ -104,13 +103,12 @@ Footprint Bake::footprint_of_patch(std::uint32_t p) const {
     if (!face.chart.valid()) {
         for (std::uint32_t t = 0; t < face.triangle_count; ++t) {
             const auto& v = surfaces_.triangles[face.first_triangle + t];
-            f.add_triangle(surfaces_.positions[v[0]], surfaces_.positions[v[1]], surfaces_.positions[v[2]]);
+            f.add_triangle(surfaces_.positions[v[0]], surfaces_.positions[v[1]], surfaces_.positions[v[2]], face.normal);
         }
         return f;
     }
-    const Chart& chart = surfaces_.charts[face.chart.at()];
     for (std::uint32_t k = patches_.first_piece[p]; k < patches_.first_piece[p + 1]; ++k)
-        f.add_piece(surfaces_, chart, surfaces_.pieces[patches_.pieces[k]]);
+        f.add_piece(surfaces_, surfaces_.pieces[patches_.pieces[k]]);
     return f;
 }
 
@@ -118,10 +116,9 @@ Footprint Bake::footprint_of_patch(std::uint32_t p) const {
 Footprint Bake::footprint_of_luxel(std::uint32_t l) const {
     Footprint f(kMargin * scene_.push_off());
     const Luxel& luxel = surfaces_.luxels[l];
-    const Chart& chart = surfaces_.charts[luxel.chart.at()];
     for (std::uint32_t k = 0; k < luxel.piece_count; ++k)
         if (patches_.piece_patch[luxel.first_piece + k] == luxel_patch_[l])
-            f.add_piece(surfaces_, chart, surfaces_.pieces[luxel.first_piece + k]);
+            f.add_piece(surfaces_, surfaces_.pieces[luxel.first_piece + k]);
     return f;
 }
 
@@ -133,7 +130,8 @@ LuxelKernel Bake::kernel_of(std::uint32_t l) const {
     k.cone = cones_[luxel.chart.at()].get();
     k.frame = chart.frame;
     if (chart.smooth)
-        k.frame = shading_frame(chart.frame, shading_normal(surfaces_, luxel.face, luxel_centroid(luxel)));
+        k.frame = shading_frame(chart.curved() ? surfaces_.faces[luxel.face.at()].tangent : chart.frame,
+                                shading_normal(surfaces_, luxel.face, luxel_centroid(luxel)));
     return k;
 }
 

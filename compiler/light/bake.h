@@ -104,7 +104,7 @@ private:
     // direct.cpp
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
-    void direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patch, std::uint64_t seed,
+    void direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
                    const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const;
     double threshold(std::uint32_t patch,
                      std::uint32_t emitter) const; // form factor from which on it is worth rays

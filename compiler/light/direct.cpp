@@ -37,9 +37,10 @@ double Bake::threshold(std::uint32_t p, std::uint32_t i) const {
 double Bake::form_factor_bound(std::uint32_t p, std::uint32_t i) const {
     const Patch& patch = patches_.patches[p];
     const Emitter& emitter = emitters_.emitters[i];
-    const Vec3 normal = surfaces_.faces[patch.face.at()].normal;
+    const Face& face = surfaces_.faces[patch.face.at()];
     const double radius = std::sqrt(patch.area);
-    Vec3 x = patch.centroid + normal * (scene_.push_off() + 0.25 * radius);
+    Vec3 x = patch.centroid + face.normal * (scene_.push_off() + 0.25 * radius);
+    const Vec3 normal = face.curved() ? Vec3{} : face.normal; // a bent patch looks many ways
     const double ahead = emitter.distance - dot(emitter.normal, x);
     if (ahead > 0) x += emitter.normal * std::min(ahead + 1e-3, radius); // a part may be in front of it
     return 4 * emitters_.bound(i, x, normal);
@@ -73,11 +74,9 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         std::vector<std::uint8_t> met(emitters_.emitters.size());
         for (auto p = static_cast<std::uint32_t>(chunk * kChunk); p < std::min(n, (chunk + 1) * kChunk); ++p) {
             const Patch& patch = patches_.patches[p];
-            const Face& face = surfaces_.faces[patch.face.at()];
             if (!receives(p)) continue;
             const Footprint footprint = footprint_of_patch(p);
             if (footprint.empty()) continue;
-            const Vec3 lift = face.normal * scene_.push_off();
             const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);
             const Sobol points(seed_at(patch.centroid, 2));
             // Test rays: four where little is at stake, else two for each luxel, so that no thin shadow falls
@@ -104,10 +103,11 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 const std::uint32_t early = most > 400 * least ? tests : 4;
                 for (std::uint32_t k = 0; k < tests; ++k) {
                     if (k >= early && seen == 0) break;
-                    const Vec3 x = footprint.sample(points.pair(k, 0)) + lift;
+                    const Footprint::Point at = footprint.sample(points.pair(k, 0));
+                    const Vec3 x = at.position + at.normal * scene_.push_off();
                     const Vec3 y = emitters_.point_on(i, points.pair(k, 2)) + emitter.normal * scene_.push_off();
                     const Vec3 d = y - x;
-                    const double cx = dot(face.normal, d), cy = -dot(emitter.normal, d), r2 = dot(d, d);
+                    const double cx = dot(at.normal, d), cy = -dot(emitter.normal, d), r2 = dot(d, d);
                     if (cx <= 0 || cy <= 0) continue; // says nothing about what stands between
                     ++tested, ++rays;
                     if (scene_.occluded(x, y)) continue;
@@ -138,14 +138,15 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 const std::uint32_t tests = bright > kStrong * found ? thorough : quality_.visibility_rays;
                 for (std::uint32_t k = 0; k < tests; ++k) {
                     if (k == 4 && tested == 4 && seen == 0 && tests != thorough) break;
-                    const Vec3 x = footprint.sample(points.pair(k, 0)) + lift;
+                    const Footprint::Point at = footprint.sample(points.pair(k, 0));
+                    const Vec3 x = at.position + at.normal * scene_.push_off();
                     LightSample s;
-                    if (!sample_light(light, x, face.normal, points.pair(k, 2), &s)) continue;
+                    if (!sample_light(light, x, at.normal, points.pair(k, 2), &s)) continue;
                     ++tested, ++rays;
                     if (!(s.distant ? scene_.reaches_sky(x, s.direction) : !scene_.occluded(x, s.position)))
                         continue;
                     ++seen;
-                    brought += mean(s.weight) * dot(s.direction, face.normal) + mean(s.ambient);
+                    brought += mean(s.weight) * dot(s.direction, at.normal) + mean(s.ambient);
                 }
                 if (!tested) continue;
                 found += brought / tested;
@@ -222,18 +223,20 @@ std::vector<std::uint32_t> Bake::add_emitters(const std::vector<std::vector<std:
 }
 
 // Explicit light averaged over a footprint. Places and points on the light share one sequence.
-void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patch, std::uint64_t seed,
+void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
                      const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const {
-    const Vec3 lift = normal * scene_.push_off();
-    const Vec3 centroid = footprint.centroid();
-    const bool flat_is_exact = dot(kernel.frame.n, normal) > 1 - 1e-9;
+    using Point = Footprint::Point;
     for (const LightRef& ref : lists_[patch]) {
         const Sobol points(mix(seed, ref.light, static_cast<std::uint64_t>(ref.is_emitter)));
-        const auto place = [&](std::uint32_t index) { return footprint.sample(points.pair(index, 0)) + lift; };
+        const auto lifted = [&](Point p) { return Point{p.position + p.normal * scene_.push_off(), p.normal}; };
+        const auto place = [&](std::uint32_t index) { return lifted(footprint.sample(points.pair(index, 0))); };
+        const Point middle = footprint.bent() ? place(0) : lifted({footprint.centroid(), footprint.normal()});
         // Light at one place, from `each` points at least of an emitter; `trace`: only what arrives, counted in
         // `seen`.
         std::uint32_t seen = 0, tested = 0;
-        const auto shine = [&](Vec3 x, std::uint32_t index, std::uint32_t each, bool trace, KernelSum* out) {
+        const auto shine = [&](const Point& at, std::uint32_t index, std::uint32_t each, bool trace, KernelSum* out) {
+            const Vec3 x = at.position, normal = at.normal;
+            const bool flat_is_exact = dot(kernel.frame.n, normal) > 1 - 1e-9;
             if (ref.is_emitter) {
                 const Emitter& e = emitters_.emitters[ref.light];
                 const Vec3 off = e.normal * scene_.push_off();
@@ -270,12 +273,12 @@ void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patc
             // the luxel.
             const std::uint32_t checks = ref.samples <= 8 ? 1 : 4;
             for (std::uint32_t k = 0; k < checks; ++k)
-                shine(checks == 1 && !ref.hidden ? centroid + lift : place(k), k, 1, true, nullptr);
+                shine(checks == 1 && !ref.hidden ? middle : place(k), k, 1, true, nullptr);
             *rays += tested;
             if (seen == (ref.hidden ? 0 : tested)) {
                 if (ref.hidden) continue;
                 if (footprint.whole_square()) {
-                    shine(centroid + lift, 0, 4, false, sum);
+                    shine(middle, 0, 4, false, sum);
                 } else {
                     KernelSum part;
                     for (std::uint32_t k = 0; k < 4; ++k) shine(place(k), k, 1, false, &part);
@@ -289,7 +292,7 @@ void Bake::direct_at(const Footprint& footprint, Vec3 normal, std::uint32_t patc
         // A shadow edge. The number of rays follows from the patch's test rays, never from these: were it made by
         // these, edges would lose the light of luxels hardly lit. A large or near emitter is many lights: fewer
         // places, more points on it from each.
-        const bool near = ref.is_emitter && !emitters_.is_far(ref.light, centroid + lift, normal);
+        const bool near = ref.is_emitter && !emitters_.is_far(ref.light, middle.position, middle.normal);
         const std::uint32_t places = near ? std::min<std::uint32_t>(ref.samples, 4) : ref.samples;
         const std::uint32_t each = near ? 2 * ref.samples / places : 1;
         KernelSum part;
@@ -309,12 +312,10 @@ void Bake::luxel_direct(std::span<const std::uint32_t> patches) {
              patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk)))
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
-                const Luxel& luxel = surfaces_.luxels[l];
                 direct_[l] = {};
                 const Footprint footprint = footprint_of_luxel(l);
                 if (footprint.empty()) continue;
-                direct_at(footprint, surfaces_.charts[luxel.chart.at()].n, p, seed_at(luxel_centroid(luxel), 3),
-                          kernel_of(l), &direct_[l], &rays);
+                direct_at(footprint, p, seed_at(luxel_centroid(surfaces_.luxels[l]), 3), kernel_of(l), &direct_[l], &rays);
             }
         shadow_rays_ += rays;
     });
@@ -327,7 +328,9 @@ std::vector<Rgbd> Bake::patch_direct() {
         double area = 0;
         for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
             const std::uint32_t l = patch_luxels_[k];
-            const double a = std::max(1e-6, static_cast<double>(surfaces_.luxels[l].area));
+            const Luxel& luxel = surfaces_.luxels[l];
+            double a = std::max(1e-6, static_cast<double>(luxel.area));
+            if (surfaces_.charts[luxel.chart.at()].curved()) a *= luxel_area(surfaces_, luxel.face); // not all alike
             out[p] += direct_[l].flat * a, area += a;
         }
         if (area > 0) {
@@ -344,7 +347,7 @@ std::vector<Rgbd> Bake::patch_direct() {
         std::uint64_t rays = 0;
         for (std::uint64_t t = 0; t < kTimes; ++t) {
             KernelSum sum;
-            direct_at(footprint, normal, p, seed_at(patch.centroid, 16 + t), kernel, &sum, &rays);
+            direct_at(footprint, p, seed_at(patch.centroid, 16 + t), kernel, &sum, &rays);
             out[p] += sum.flat * (1.0 / kTimes);
         }
         shadow_rays_ += rays;

@@ -11,9 +11,10 @@ constexpr double kNearLuxels = 1.5;
 constexpr std::uint32_t kTestRays = 16; // towards an emitter, before the bundle is trusted with it
 
 // visit(texel, weight) for the up to four texels between whose centres a point of the chart lies.
-template <class Visit> void for_each_bilinear(const Chart& chart, Vec3 point, const Visit& visit) {
-    const Vec3 p = point - chart.origin;
-    const double x = dot(p, chart.s) / chart.luxel_size - 0.5, y = dot(p, chart.t) / chart.luxel_size - 0.5;
+template <class Visit> void for_each_bilinear(const Surfaces& surfaces, FaceId face, Vec3 point, const Visit& visit) {
+    const Chart& chart = surfaces.charts[surfaces.faces[face.at()].chart.at()];
+    const Vec2 p = luxel_from_world(surfaces, face, point);
+    const double x = p.x - 0.5, y = p.y - 0.5;
     const double x0 = std::floor(x), y0 = std::floor(y);
     for (int j = 0; j < 2; ++j)
         for (int i = 0; i < 2; ++i) {
@@ -29,19 +30,18 @@ Rgbd LightField::Data::reflected(const SceneHit& hit) const {
     const Face& face = surfaces.faces[hit.face.at()];
     std::uint32_t patch = lighting.face_patch[hit.face.at()];
     if (face.chart.valid()) {
-        const Chart& chart = surfaces.charts[face.chart.at()];
-        const std::uint32_t texel = index.texel_at(chart, hit.position);
+        const std::uint32_t texel = index.texel_at(hit.face, hit.position);
         if (lighting.patch_index[texel] < kMixedPatch && lighting.valid[texel] == 1) {
             // Bilinear between luxels that were baked and belong to one patch.
             Rgbd sum;
             double weight = 0;
-            for_each_bilinear(chart, hit.position, [&](std::size_t t, double w) {
+            for_each_bilinear(surfaces, hit.face, hit.position, [&](std::size_t t, double w) {
                 if (lighting.valid[t] != 1 || lighting.patch_index[t] >= kMixedPatch) return;
                 sum += static_cast<Rgbd>(texel_reflected[t]) * w, weight += w;
             });
             if (weight > 0) return sum / weight;
         }
-        const std::uint32_t piece = index.piece_at(hit.face, chart, hit.position);
+        const std::uint32_t piece = index.piece_at(hit.face, hit.position);
         patch = piece == UINT32_MAX ? kNoPatch : lighting.piece_patch[piece];
     }
     return patch == kNoPatch ? Rgbd{} : static_cast<Rgbd>(patch_reflected[patch]);
@@ -216,10 +216,9 @@ Rgb LightField::radiance(Vec3 origin, Vec3 unit_direction, SceneHit* out) const 
     const Face& face = d.surfaces.faces[hit->face.at()];
     if (!face.chart.valid()) return static_cast<Rgb>(emitted + d.reflected(*hit));
     // As an engine shows it: four texels, bilinear; texels of no face left out.
-    const Chart& chart = d.surfaces.charts[face.chart.at()];
     Rgbd sum;
     double weight = 0;
-    for_each_bilinear(chart, hit->position, [&](std::size_t t, double w) {
+    for_each_bilinear(d.surfaces, hit->face, hit->position, [&](std::size_t t, double w) {
         if (!d.lighting.valid[t]) return;
         sum += static_cast<Rgbd>(d.lighting.flat[t]) * w, weight += w;
     });

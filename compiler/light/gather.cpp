@@ -130,7 +130,7 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
     if (depth < kNearBounces && face.chart.valid()) {
         const Chart& chart = surfaces_.charts[face.chart.at()];
         if (hit.distance < kNearLuxels * chart.luxel_size) {
-            const std::uint32_t texel = index_.texel_at(chart, hit.position), patch = patches_.texel_patch[texel];
+            const std::uint32_t texel = index_.texel_at(hit.face, hit.position), patch = patches_.texel_patch[texel];
             if (patch < kMixedPatch) {
                 const Vec3 n = dot(face.normal, came) < 0 ? face.normal : -face.normal;
                 const double u = random(), v = random();
@@ -160,9 +160,9 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     const Footprint footprint = footprint_of_luxel(l);
     if (footprint.empty()) return out;
     const std::uint32_t patch = luxel_patch_[l];
-    const Vec3 normal = surfaces_.charts[luxel.chart.at()].n;
-    const Frame frame = frame_around(normal);
-    const Vec3 lift = normal * scene_.push_off();
+    const Chart& chart = surfaces_.charts[luxel.chart.at()];
+    const Vec3 normal = chart.curved() ? footprint.normal() : chart.n;
+    const Frame plain = frame_around(normal);
     const Rgbd sky = sky_radiance(lights_);
     const Sobol points(seed);
     thread_local std::vector<Vec3> origins, directions;
@@ -173,9 +173,14 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         double density = 1;
         const Vec2 square = guide.sample(points.pair(i, 0), &density);
         const Vec3 local = map.direction(square);
+        const Footprint::Point at = footprint.sample(points.pair(i, 2));
+        const Frame frame = footprint.bent() ? frame_around(at.normal) : plain;
         directions[i] = frame.world(local);
         weights[i] = 1 / (density * map.density(local.z)); // solid angle times rays
-        origins[i] = footprint.sample(points.pair(i, 2)) + lift;
+        // The hemisphere over a face stands for the one over the curve it is a part of. Over the shading normal the
+        // kernel would lose what the face hides of it: a share of (1 - cos) / 2.
+        if (chart.curved()) weights[i] *= 2 / (1 + std::max(0.0, dot(at.normal, kernel.frame.n)));
+        origins[i] = at.position + at.normal * scene_.push_off();
     }
     scene_.closest(origins, directions, found);
     out.hits.rays = rays;
@@ -237,7 +242,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     // Control variate: E = mean(L w) - beta (mean(w) - pi), beta by regression. Where all radiance is alike the
     // result is exact; where the guide has done its work beta is near zero by itself.
     const double spread = unit_square / n - unit[0] * unit[0];
-    if (spread > 1e-9 && dot(kernel.frame.n, normal) > 1 - 1e-9) {
+    if (spread > 1e-9 && !footprint.bent() && dot(kernel.frame.n, normal) > 1 - 1e-9) {
         const Rgbd beta = (cross_sum / n - out.sum.flat * unit[0]) / spread;
         const std::array<double, 4> exact = kernel.integrals();
         out.sum.flat -= beta * (unit[0] - exact[0]);
@@ -265,8 +270,7 @@ void Bake::share_rays(double wanted) {
         double a = 0;
         for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
             const Luxel& l = surfaces_.luxels[patch_luxels_[k]];
-            const double size = surfaces_.charts[l.chart.at()].luxel_size;
-            a += l.area * size * size;
+            a += l.area * luxel_area(surfaces_, l.face);
         }
         // Noise comes in rare large strokes, so a patch is no quieter than its neighbours on the average.
         double variance = noise_[p];
@@ -318,17 +322,17 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
                     gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse);
                 KernelSum direct;
                 std::uint64_t shadow = 0;
-                direct_at(footprint, chart.n, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow);
+                direct_at(footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow);
                 results[i].value[r] = g.sum.flat + direct.flat, results[i].direct[r] = direct.flat;
                 results[i].fine += g.sum.flat / kReplicates, results[i].coarse += coarse / kReplicates;
             }
-            results[i].area = luxel.area * chart.luxel_size * chart.luxel_size;
+            results[i].area = luxel.area * luxel_area(surfaces_, luxel.face);
             if (!kernel.cone || chart.smooth || i % 4 != 0) continue;
             // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
             const auto light = [&](const LuxelKernel& k) {
                 KernelSum sum = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr).sum;
                 std::uint64_t shadow = 0;
-                direct_at(footprint, chart.n, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &sum, &shadow);
+                direct_at(footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &sum, &shadow);
                 return sum;
             };
             const KernelSum base = light(kernel);

@@ -65,17 +65,18 @@ LuxelIndex::LuxelIndex(const Surfaces& surfaces)
     }
 }
 
-std::uint32_t LuxelIndex::texel_at(const Chart& c, Vec3 point) const {
-    const Vec3 d = point - c.origin;
-    const double x = std::clamp(std::floor(dot(d, c.s) / c.luxel_size), 0.0, c.width - 1.0);
-    const double y = std::clamp(std::floor(dot(d, c.t) / c.luxel_size), 0.0, c.height - 1.0);
+std::uint32_t LuxelIndex::texel_at(FaceId face, Vec3 point) const {
+    const Chart& c = surfaces_.charts[surfaces_.faces[face.at()].chart.at()];
+    const Vec2 p = luxel_from_world(surfaces_, face, point);
+    const double x = std::clamp(std::floor(p.x), 0.0, c.width - 1.0);
+    const double y = std::clamp(std::floor(p.y), 0.0, c.height - 1.0);
     return c.first_texel + static_cast<std::uint32_t>(y) * c.width + static_cast<std::uint32_t>(x);
 }
 
-std::uint32_t LuxelIndex::piece_at(FaceId face, const Chart& c, Vec3 point) const {
-    const Vec3 d = point - c.origin;
-    const Vec2 p{dot(d, c.s) / c.luxel_size, dot(d, c.t) / c.luxel_size};
-    const std::uint32_t texel = texel_at(c, point) - c.first_texel;
+std::uint32_t LuxelIndex::piece_at(FaceId face, Vec3 point) const {
+    const Chart& c = surfaces_.charts[surfaces_.faces[face.at()].chart.at()];
+    const Vec2 p = luxel_from_world(surfaces_, face, point);
+    const std::uint32_t texel = texel_at(face, point) - c.first_texel;
     const int x0 = static_cast<int>(texel % c.width), y0 = static_cast<int>(texel / c.width);
     std::uint32_t best = UINT32_MAX;
     double best_out = 1e30; // how far the point is outside the piece
@@ -112,17 +113,10 @@ std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index,
                        std::span<const std::uint32_t> face_patch, FaceId face, Vec3 point) {
     const Face& f = surfaces.faces[face.at()];
     if (!f.chart.valid()) return face_patch[face.at()];
-    const Chart& chart = surfaces.charts[f.chart.at()];
-    const std::uint32_t patch = texel_patch[index.texel_at(chart, point)];
+    const std::uint32_t patch = texel_patch[index.texel_at(face, point)];
     if (patch < kMixedPatch) return patch;
-    const std::uint32_t piece = index.piece_at(face, chart, point);
+    const std::uint32_t piece = index.piece_at(face, point);
     return piece == UINT32_MAX ? kNoPatch : piece_patch[piece];
-}
-
-Vec3 world_from_luxel(const Surfaces& surfaces, const Chart& c, FaceId face, Vec2 l) {
-    const Vec3 p = c.origin + (c.s * l.x + c.t * l.y) * c.luxel_size;
-    const Face& f = surfaces.faces[face.at()];
-    return p + f.normal * (f.distance - dot(f.normal, p));
 }
 
 PieceEdges piece_adjacency(const Surfaces& s) {
@@ -174,8 +168,10 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
         const Luxel& l = s.luxels[i];
         const Chart& c = s.charts[l.chart.at()];
         const int shift = std::clamp(static_cast<int>(std::floor(std::log2(h / c.luxel_size) + 1e-9)), 0, 12);
-        // Blocks are anchored to the world as the luxel lattice is, so that an edit elsewhere does not move them.
+        // Blocks are anchored to the world as the luxel lattice is, so that an edit elsewhere does not move them. The
+        // lattice of a curve is its own.
         const auto block = [&](double origin, std::uint32_t at) {
+            if (c.curved()) origin = 0;
             return static_cast<std::uint64_t>((std::llround(origin / c.luxel_size) + at + (1ll << 40)) >> shift) &
                    0xFFFFu;
         };
@@ -186,7 +182,7 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
                            (block(dot(c.origin, c.t), l.y) << 16) | block(dot(c.origin, c.s), l.x);
             // Faces of one material may share a patch, except lamps: each is an emitter of its own.
             key[p].group = emits(face) ? (1ull << 32) + face.value : s.faces[face.at()].material.value;
-            area[p] = polygon_area(points_of(s, s.pieces[p])) * c.luxel_size * c.luxel_size;
+            area[p] = polygon_area(points_of(s, s.pieces[p])) * luxel_area(s, face);
             cell[p] = c.luxel_size * c.luxel_size * static_cast<double>(1u << (2 * shift));
             piece_luxel[p] = static_cast<std::uint32_t>(i);
         }
@@ -242,11 +238,10 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
         FaceId face = s.pieces[list[0]].face;
         for (const std::uint32_t p : list) {
             const LuxelPiece& piece = s.pieces[p];
-            const Chart& c = s.charts[s.luxels[piece_luxel[p]].chart.at()];
             Vec2 mid;
             for (const Vec2 v : points_of(s, piece)) mid = mid + v;
             mid = mid * (1.0 / piece.point_count);
-            moment += world_from_luxel(s, c, piece.face, mid) * area[p];
+            moment += world_from_luxel(s, piece.face, mid) * area[p];
             sum += area[p];
             if (area[p] > most) most = area[p], face = piece.face;
         }
@@ -289,36 +284,37 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
     return out;
 }
 
-void Footprint::add(Vec3 corner, Vec3 u, Vec3 v, bool parallelogram) {
+void Footprint::add(Vec3 corner, Vec3 u, Vec3 v, Vec3 normal, bool parallelogram) {
     const double a = length(cross(u, v)) * (parallelogram ? 1 : 0.5);
     if (!(a > 0)) return;
+    bent_ = bent_ || (!cells_.empty() && normal != cells_[0].normal);
     const double lu = length(u), lv = length(v), sum = area() + a;
     if (parallelogram) {
         const double su = std::clamp(1 - 2 * margin_ * lv / a, 0.0, kInset),
                      sv = std::clamp(1 - 2 * margin_ * lu / a, 0.0, kInset);
-        cells_.push_back({corner + (u * (1 - su) + v * (1 - sv)) * 0.5, u * su, v * sv, sum, true});
+        cells_.push_back({corner + (u * (1 - su) + v * (1 - sv)) * 0.5, u * su, v * sv, normal, sum, true});
     } else {
         // Towards the centre of the inscribed circle, where all three sides are left behind at the same pace.
         const double lw = length(v - u), around = lu + lv + lw;
         const Vec3 center = corner + (u * lv + v * lu) / around;
         const double s = std::clamp(1 - margin_ * around / (2 * a), 0.0, kInset);
-        cells_.push_back({center + (corner - center) * s, u * s, v * s, sum, false});
+        cells_.push_back({center + (corner - center) * s, u * s, v * s, normal, sum, false});
     }
 }
 
-void Footprint::add_piece(const Surfaces& s, const Chart& c, const LuxelPiece& piece) {
+void Footprint::add_piece(const Surfaces& s, const LuxelPiece& piece) {
     const std::span<const Vec2> v = points_of(s, piece);
-    const auto at = [&](std::size_t i) { return world_from_luxel(s, c, piece.face, v[i]); };
-    const std::size_t n = v.size();
-    if (n == 4) {
+    const auto at = [&](std::size_t i) { return world_from_luxel(s, piece.face, v[i]); };
+    const Vec3 n = s.faces[piece.face.at()].normal;
+    if (v.size() == 4) {
         const Vec2 skew = v[0] + v[2] - v[1] - v[3];
-        if (dot(skew, skew) < 1e-12) return add(at(0), at(1) - at(0), at(3) - at(0), true);
+        if (dot(skew, skew) < 1e-12) return add(at(0), at(1) - at(0), at(3) - at(0), n, true);
     }
-    for (std::size_t i = 1; i + 1 < n; ++i) add(at(0), at(i) - at(0), at(i + 1) - at(0), false);
+    for (std::size_t i = 1; i + 1 < v.size(); ++i) add(at(0), at(i) - at(0), at(i + 1) - at(0), n, false);
 }
 
-void Footprint::add_triangle(Vec3 a, Vec3 b, Vec3 c) {
-    add(a, b - a, c - a, false);
+void Footprint::add_triangle(Vec3 a, Vec3 b, Vec3 c, Vec3 normal) {
+    add(a, b - a, c - a, normal, false);
 }
 
 Vec3 Footprint::centroid() const {
@@ -331,15 +327,15 @@ Vec3 Footprint::centroid() const {
     return sum / area();
 }
 
-Vec3 Footprint::sample(Vec2 u) const {
+Footprint::Point Footprint::sample(Vec2 u) const {
     const double wanted = u.x * area();
     const auto cell = std::lower_bound(cells_.begin(), cells_.end() - 1, wanted,
                                        [](const Cell& c, double x) { return c.cumulative <= x; });
     const double before = cell == cells_.begin() ? 0 : (cell - 1)->cumulative;
     u.x = std::clamp((wanted - before) / (cell->cumulative - before), 0.0, 1.0);
-    if (cell->parallelogram) return cell->corner + cell->u * u.x + cell->v * u.y;
+    if (cell->parallelogram) return {cell->corner + cell->u * u.x + cell->v * u.y, cell->normal};
     const Vec2 w = uniform_triangle(u);
-    return cell->corner + cell->u * w.x + cell->v * w.y;
+    return {cell->corner + cell->u * w.x + cell->v * w.y, cell->normal};
 }
 
 } // namespace kiln

@@ -1,5 +1,5 @@
-// Patches: the elements on which all bounces are solved. A patch is a set of luxel pieces of one chart: those of
-// one material that lie in one power-of-two block of luxels and hang together along edges. A wall that stands on a
+// Patches: the elements on which all bounces are solved. A patch is a set of luxel pieces of one chart (on a curve they
+// lie in several planes): those of one material that lie in one power-of-two block of luxels and hang together along edges. A wall that stands on a
 // floor cuts the pieces, so nothing spreads under it. Faces without a chart are one patch each.
 #pragma once
 #include "compiler/light/light.h"
@@ -36,10 +36,10 @@ class LuxelIndex {
 public:
     explicit LuxelIndex(const Surfaces& surfaces);
     // Texel (index over all charts) of a point on a face with a chart, clamped into the chart.
-    std::uint32_t texel_at(const Chart& chart, Vec3 point) const;
+    std::uint32_t texel_at(FaceId face, Vec3 point) const;
     std::uint32_t luxel_of(std::uint32_t texel) const { return texel_luxel_[texel]; } // UINT32_MAX: none
     // The piece of `face` nearest to a point, looked for in the point's texel and the eight around it.
-    std::uint32_t piece_at(FaceId face, const Chart& chart, Vec3 point) const;
+    std::uint32_t piece_at(FaceId face, Vec3 point) const;
 
 private:
     const Surfaces& surfaces_;
@@ -51,29 +51,33 @@ std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index,
                        std::span<const std::uint32_t> texel_patch, std::span<const std::uint32_t> piece_patch,
                        std::span<const std::uint32_t> face_patch, FaceId face, Vec3 point);
 
-Vec3 world_from_luxel(const Surfaces& surfaces, const Chart& chart, FaceId face, Vec2 luxel);
-
 // Uniform points on a union of pieces or triangles; all lie inside by a margin, so that neither rounding nor the
 // push off the surface can carry one into a wall at its rim, even one that leans over it.
 class Footprint {
 public:
     explicit Footprint(double margin = 0) : margin_(margin) {} // map units
-    void add_piece(const Surfaces& surfaces, const Chart& chart, const LuxelPiece& piece);
-    void add_triangle(Vec3 a, Vec3 b, Vec3 c);
+    void add_piece(const Surfaces& surfaces, const LuxelPiece& piece);
+    void add_triangle(Vec3 a, Vec3 b, Vec3 c, Vec3 normal);
     bool empty() const { return cells_.empty(); }
     double area() const { return cells_.empty() ? 0 : cells_.back().cumulative; } // map units squared
-    Vec3 centroid() const;
-    Vec3 sample(Vec2 u) const;
+    Vec3 centroid() const; // of a bent one: off the surface
+    struct Point {
+        Vec3 position, normal; // geometric
+    };
+    Point sample(Vec2 u) const;
     bool whole_square() const { return cells_.size() == 1 && cells_[0].parallelogram; }
+    bool bent() const { return bent_; } // several planes
+    Vec3 normal() const { return cells_.empty() ? Vec3{} : cells_[0].normal; } // of its first cell
 
 private:
     struct Cell {
-        Vec3 corner, u, v;
+        Vec3 corner, u, v, normal;
         double cumulative = 0;
         bool parallelogram = false;
     };
-    void add(Vec3 corner, Vec3 u, Vec3 v, bool parallelogram);
+    void add(Vec3 corner, Vec3 u, Vec3 v, Vec3 normal, bool parallelogram);
     double margin_ = 0;
+    bool bent_ = false;
     std::vector<Cell> cells_;
 };
 

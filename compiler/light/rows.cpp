@@ -27,10 +27,12 @@ void Bake::trace_rows() {
             if (max_component(patch.reflectance) == 0 && !face.chart.valid()) continue;
             const Footprint footprint = footprint_of_patch(static_cast<std::uint32_t>(p));
             if (footprint.empty()) continue;
-            const Frame frame = frame_around(face.normal);
+            const Frame flat = frame_around(footprint.normal());
             const Sobol points(seed_at(patch.centroid, 1));
             for (std::uint32_t i = 0; i < m; ++i) {
-                origins[i] = footprint.sample(points.pair(i, 2)) + face.normal * scene_.push_off();
+                const Footprint::Point at = footprint.sample(points.pair(i, 2));
+                const Frame frame = footprint.bent() ? frame_around(at.normal) : flat;
+                origins[i] = at.position + at.normal * scene_.push_off();
                 directions[i] = frame.world(cosine_hemisphere(points.pair(i, 0)));
             }
             scene_.closest(origins, directions, found);

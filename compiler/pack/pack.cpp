@@ -1,4 +1,5 @@
 #include "compiler/pack/pack.h"
+#include "compiler/collision/collision.h"
 #include "libs/core/check.h"
 #include <charconv>
 
@@ -48,6 +49,21 @@ void add_planes(const PlaneTable& table, level::LevelContent& out) {
     }
 }
 
+bool shown(const Face& f) { return f.drawn || f.sky; }
+
+// Which face of the level each face is in. All that is shown of a curve is one; what is not is in none (UINT32_MAX).
+std::vector<std::uint32_t> level_faces(const Surfaces& s) {
+    std::vector<std::uint32_t> out;
+    std::uint32_t next = 0, last_curve = UINT32_MAX;
+    for (const Face& f : s.faces) {
+        if (!f.curved()) out.push_back(next++);
+        else if (!shown(f)) out.push_back(UINT32_MAX);
+        else if (f.curve == last_curve) out.push_back(next - 1);
+        else out.push_back(next++), last_curve = f.curve;
+    }
+    return out;
+}
+
 void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush, level::LevelContent& out) {
     for (const BspNode& n : in.bsp.nodes)
         out.nodes.push_back({n.plane.value, n.child, floats_below(n.bounds.lo), floats_above(n.bounds.hi)});
@@ -65,12 +81,13 @@ void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush
         if (l.cluster.valid()) leaves_of[l.cluster.at()].push_back(static_cast<std::uint32_t>(i));
         out.leaves.push_back(std::move(leaf));
     }
+    const std::vector<std::uint32_t> level_face = level_faces(in.surfaces);
     for (std::size_t f = 0; f < in.surfaces.faces.size(); ++f) {
         const Face& face = in.surfaces.faces[f];
         if (!face.drawn && !face.sky) continue;
         for (const ClusterId c : face.clusters)
             for (const std::uint32_t l : leaves_of[c.at()]) // by face: each list comes out sorted
-                out.leaves[l].faces.push_back(static_cast<std::uint32_t>(f));
+                if (out.leaves[l].faces.empty() || out.leaves[l].faces.back() != level_face[f]) out.leaves[l].faces.push_back(level_face[f]);
     }
     for (const BspPortal& p : in.bsp.portals) {
         level::Portal portal;
@@ -84,21 +101,24 @@ void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush
 }
 
 // Which brush of the level each brush of the world is; UINT32_MAX: it was invalid and left out.
-std::vector<std::uint32_t> add_brushes(const PackInput& in, level::LevelContent& out) {
+std::vector<std::uint32_t> add_brushes(const PackInput& in, const CollisionBrushes& collision, level::LevelContent& out) {
     std::vector<std::uint32_t> number(in.world.brushes.size(), UINT32_MAX);
     for (std::size_t i = 0; i < in.world.brushes.size(); ++i) {
         const WorldBrush& b = in.world.brushes[i];
         const BrushPolytope& polytope = in.csg.brushes[i];
-        if (!polytope.valid) continue;
+        if (!polytope.valid || b.displaced) continue; // of those the displacement is what things collide with
         const SourceLocation where = in.world.location(id<BrushId>(i));
         level::Brush brush;
         brush.model = b.model.valid() ? b.model.value : 0;
         brush.contents = static_cast<std::uint8_t>(b.contents);
+        brush.blocks = b.blocks;
         brush.source_entity = where.entity, brush.source_id = b.id, brush.source_line = b.line;
         for (std::size_t k = 0; k < polytope.faces.size(); ++k) {
             brush.planes.push_back(polytope.faces[k].support.value);
             brush.source_sides.push_back(in.world.sides[polytope.sides[k].at()].id);
         }
+        for (std::uint32_t k = collision.first_bevel[i]; k < collision.first_bevel[i + 1]; ++k)
+            brush.bevels.push_back({doubles(collision.bevels[k].normal), collision.bevels[k].distance});
         number[i] = static_cast<std::uint32_t>(out.brushes.size());
         out.brushes.push_back(std::move(brush));
     }
@@ -107,7 +127,7 @@ std::vector<std::uint32_t> add_brushes(const PackInput& in, level::LevelContent&
 
 void add_faces(const PackInput& in, level::LevelContent& out) {
     for (const Vec3 p : in.surfaces.positions) out.positions.push_back(doubles(p));
-    for (std::size_t i = 0; i < in.surfaces.faces.size(); ++i) {
+    for (std::size_t i = 0; i < in.surfaces.faces.size() && !in.surfaces.faces[i].curved(); ++i) {
         const Face& f = in.surfaces.faces[i];
         const SourceLocation where = in.world.location(f.side);
         const DocTexture& texture = in.world.sides[f.side.at()].texture;
@@ -116,6 +136,7 @@ void add_faces(const PackInput& in, level::LevelContent& out) {
         face.chart = f.chart.value;
         face.probe = i < in.probes.face_probe.size() ? in.probes.face_probe[i] : UINT32_MAX;
         face.drawn = f.drawn, face.sky = f.sky, face.two_sided = f.two_sided, face.blocks_light = f.blocks_light;
+        face.no_dynamic_shadow = in.world.sides[f.side.at()].no_dynamic_shadow;
         face.tangent = floats(f.tangent.t), face.bitangent = floats(f.tangent.b), face.normal = floats(f.normal);
         face.u_axis = doubles(texture.u_axis), face.v_axis = doubles(texture.v_axis);
         face.u_scale = texture.u_scale, face.v_scale = texture.v_scale;
@@ -134,6 +155,105 @@ void add_faces(const PackInput& in, level::LevelContent& out) {
         }
         out.faces.push_back(face);
     }
+}
+
+void add_spaces(const PackInput& in, const std::vector<std::uint32_t>& level_brush, level::LevelContent& out) {
+    const auto winding = [](std::span<const Vec3> points) {
+        std::vector<level::Float3> floats_of;
+        for (const Vec3& p : points) floats_of.push_back(floats(p));
+        return floats_of;
+    };
+    for (const AreaPortal& p : in.bsp.area_portals)
+        out.area_portals.push_back({static_cast<std::int32_t>(in.world.brushes[p.brush.at()].entity.value), level_brush[p.brush.at()], p.areas, winding(p.winding)});
+    for (const Occluder& o : in.bsp.occluders) {
+        level::OccluderInfo occluder{static_cast<std::int32_t>(o.entity.value), o.area, {}};
+        for (const std::uint32_t f : o.fragments) occluder.polygons.push_back(winding(points(in.csg.planes, in.csg.fragments[f].polygon)));
+        out.occluders.push_back(std::move(occluder));
+    }
+    for (const WaterVolume& w : in.bsp.waters)
+        out.waters.push_back({static_cast<std::uint8_t>(w.contents), static_cast<float>(w.surface_z), static_cast<float>(w.min_z), w.has_surface, w.material.value});
+    if (!out.waters.empty()) out.leaf_water = in.bsp.leaf_water;
+}
+
+std::array<float, 2> floats(Vec2 v) { return {static_cast<float>(v.x), static_cast<float>(v.y)}; }
+
+// A face of what is shown of a curve, with its grid for collision.
+void add_curve(const PackInput& in, const Curve& curve, level::LevelContent& out) {
+    const Surfaces& s = in.surfaces;
+    level::FaceInfo face;
+    face.curved = true, face.drawn = face.blocks_light = false;
+    face.first_triangle = static_cast<std::uint32_t>(out.triangles.size());
+    const std::uint32_t first_corner = s.faces[s.first_curved_face].first_triangle;
+    const Face* largest = nullptr;
+    for (std::uint32_t i = curve.first_face; i < curve.first_face + curve.face_count; ++i) {
+        const Face& f = s.faces[i];
+        if (!shown(f)) continue;
+        face.drawn = face.drawn || f.drawn, face.sky = face.sky || f.sky;
+        face.two_sided = f.two_sided, face.blocks_light = f.blocks_light;
+        if (f.chart.valid()) face.chart = f.chart.value;
+        if (!largest || f.area > largest->area) {
+            largest = &f;
+            face.probe = i < in.probes.face_probe.size() ? in.probes.face_probe[i] : UINT32_MAX;
+        }
+        for (std::uint32_t t = f.first_triangle; t < f.first_triangle + f.triangle_count; ++t) {
+            out.triangles.push_back(s.triangles[t]);
+            std::array<level::Float3, 3> normals;
+            std::array<level::CurveCorner, 3> corners;
+            for (std::size_t c = 0; c < 3; ++c) {
+                const Vec3f n = s.corner_normals[t][c];
+                const CurveCorner& from = s.curve_corners[t - first_corner][c];
+                normals[c] = {n.x, n.y, n.z};
+                corners[c] = {floats(from.luxel), floats(from.uv), static_cast<float>(from.alpha)};
+            }
+            out.corner_normals.push_back(normals), out.curve_corners.push_back(corners);
+        }
+    }
+    face.triangle_count = static_cast<std::uint32_t>(out.triangles.size()) - face.first_triangle;
+    const Face& any = largest ? *largest : s.faces[curve.first_face];
+    const SourceLocation where = location_of(in.world, s, {curve.first_face});
+    face.material = any.material.value, face.model = any.model.valid() ? any.model.value : 0;
+    face.source_entity = where.entity, face.source_brush = where.brush, face.source_side = where.side, face.source_line = where.line;
+    const Chart* chart = face.chart != UINT32_MAX ? &s.charts[face.chart] : nullptr;
+    const Frame frame = chart ? chart->frame : any.tangent;
+    face.tangent = floats(frame.t), face.bitangent = floats(frame.b), face.normal = floats(frame.n);
+    // No axes hold on all of it; those of its base or its largest part come nearest.
+    if (any.side.valid()) {
+        const DocTexture& texture = in.world.sides[any.side.at()].texture;
+        face.u_axis = doubles(texture.u_axis), face.v_axis = doubles(texture.v_axis);
+        face.u_scale = texture.u_scale, face.v_scale = texture.v_scale;
+        face.u_shift = texture.u_shift, face.v_shift = texture.v_shift;
+    } else {
+        face.u_axis = doubles(any.tangent.t), face.v_axis = doubles(any.tangent.b);
+    }
+    std::vector<level::Float3> grid;
+    for (const std::uint32_t p : curve.grid) grid.push_back(floats(s.positions[p]));
+    const std::uint32_t number = largest ? static_cast<std::uint32_t>(out.faces.size()) : UINT32_MAX;
+    if (curve.kind == Curve::displacement) {
+        const WorldDisplacement& from = in.world.displacements[curve.source];
+        level::Displacement d;
+        d.face = number, d.model = face.model, d.material = face.material;
+        face.plane = d.plane = curve.base_plane.value;
+        d.power = static_cast<std::uint32_t>(from.grid.power), d.flags = from.grid.flags;
+        for (std::size_t k = 0; k < 4; ++k) d.base[k] = doubles(curve.base[k]);
+        d.positions = std::move(grid);
+        for (std::size_t v = 0; v < d.positions.size(); ++v)
+            d.alphas.push_back(from.grid.alphas.empty() ? 0 : static_cast<float>(std::clamp(from.grid.alphas[v] / 255, 0.0, 1.0)));
+        for (const auto& weights : from.grid.multiblend)
+            d.multiblend.push_back({static_cast<float>(weights[0]), static_cast<float>(weights[1]), static_cast<float>(weights[2]),
+                                    static_cast<float>(weights[3])});
+        d.triangle_tags = from.grid.triangle_tags;
+        d.source_entity = where.entity, d.source_brush = where.brush, d.source_side = where.side, d.source_line = where.line;
+        out.displacements.push_back(std::move(d));
+    } else {
+        level::CurvedPatch p;
+        p.face = number, p.model = face.model, p.material = face.material;
+        p.columns = curve.columns, p.rows = curve.rows;
+        p.positions = std::move(grid);
+        for (const Vec2 uv : curve.uv) p.uv.push_back(floats(uv));
+        p.source_entity = where.entity, p.source_patch = where.brush, p.source_line = where.line;
+        out.patches.push_back(std::move(p));
+    }
+    if (largest) out.faces.push_back(face);
 }
 
 void add_charts(const PackInput& in, level::LevelContent& out) {
@@ -207,7 +327,7 @@ void add_lights(const PackInput& in, level::LevelContent& out) {
 
 } // namespace
 
-level::LevelContent level_content(const PackInput& in) {
+level::LevelContent level_content(const PackInput& in, Context& context) {
     level::LevelContent out;
     const std::size_t slash = in.world.file.find_last_of("/\\");
     out.source_name = slash == std::string::npos ? in.world.file : in.world.file.substr(slash + 1);
@@ -216,7 +336,9 @@ level::LevelContent level_content(const PackInput& in) {
     out.rnm_encoding = static_cast<std::uint8_t>(in.lighting.encoding);
     out.model_count = std::max(1u, in.world.model_count);
     add_planes(in.csg.planes, out);
-    add_tree(in, add_brushes(in, out), out);
+    const std::vector<std::uint32_t> level_brush = add_brushes(in, build_collision(in.csg, context), out);
+    add_tree(in, level_brush, out);
+    add_spaces(in, level_brush, out);
     for (const Material& m : in.world.materials) {
         level::MaterialInfo material;
         material.name = m.name, material.albedo_map = m.albedo_map, material.normal_map = m.normal_map;
@@ -228,6 +350,7 @@ level::LevelContent level_content(const PackInput& in) {
         out.materials.push_back(std::move(material));
     }
     add_faces(in, out);
+    for (const Curve& curve : in.surfaces.curves) add_curve(in, curve, out);
     add_charts(in, out);
     add_lights(in, out);
     for (const WorldEntity& e : in.world.entities) {
@@ -243,7 +366,7 @@ level::LevelContent level_content(const PackInput& in) {
 Bytes pack(const PackInput& input, const level::WriteOptions& options, Context& context) {
     context.check_cancelled();
     try {
-        return level::write_level(level_content(input), options);
+        return level::write_level(level_content(input, context), options);
     } catch (const std::invalid_argument& e) { // our own tables contradict each other
         throw InternalError(std::string("pack: ") + e.what());
     }

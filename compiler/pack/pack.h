@@ -26,7 +26,7 @@ struct PackInput {
     const Probes& probes;
     std::string options_json, input_hash, version;
 };
-level::LevelContent level_content(const PackInput& input);
+level::LevelContent level_content(const PackInput& input, Context& context);
 Bytes pack(const PackInput& input, const level::WriteOptions& options, Context& context);
 
 } // namespace kiln

@@ -11,7 +11,7 @@ namespace {
 
 bool share_chart(const FaceDraft& f, const FaceDraft& g) {
     constexpr double kSameDirection = 1e-6; // radians; over 16,384 units a drift of a sixtieth
-    return f.lit && g.lit && f.face.plane == g.face.plane && f.face.model == g.face.model && f.luxel_size == g.luxel_size &&
+    return f.lit && g.lit && !f.face.curved() && f.face.plane == g.face.plane && f.face.model == g.face.model && f.luxel_size == g.luxel_size &&
            length(f.face.tangent.t - g.face.tangent.t) < kSameDirection && length(f.face.tangent.b - g.face.tangent.b) < kSameDirection;
 }
 
@@ -40,7 +40,7 @@ std::vector<Seam> find_seams(const Surfaces& s, const Adjacency& adjacency) {
             if (u == Adjacency::kNone || u < t) continue;
             const Face &f = s.faces[s.triangle_face[t].at()], &g = s.faces[s.triangle_face[u].at()];
             if (!f.chart.valid() || !g.chart.valid() || f.chart == g.chart) continue;
-            if (f.plane != g.plane && !shaded_alike(s, t, c, u)) continue;
+            if ((f.plane != g.plane || f.curved()) && !shaded_alike(s, t, c, u)) continue;
             seams.push_back({std::min(f.chart, g.chart), std::max(f.chart, g.chart), s.triangles[t][c], s.triangles[t][(c + 1) % 3]});
         }
     std::ranges::sort(seams, {}, [](const Seam& e) { return std::tuple(e.chart_a, e.chart_b, e.from, e.to); });
@@ -49,8 +49,8 @@ std::vector<Seam> find_seams(const Surfaces& s, const Adjacency& adjacency) {
 
 } // namespace
 
-std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency, const World& world,
-                 Context& context) {
+std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, std::vector<Chart> curve_charts,
+                          const Adjacency& adjacency, const World& world, Context& context) {
     std::vector<std::uint32_t> root(s.faces.size());
     std::iota(root.begin(), root.end(), 0u);
     const auto find = [&](std::uint32_t x) {
@@ -68,7 +68,7 @@ std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, con
 
     std::vector<Extent> extents;
     for (std::uint32_t f = 0; f < s.faces.size(); ++f) { // ascending: a root comes before its members
-        if (!drafts[f].lit) continue;
+        if (!drafts[f].lit || drafts[f].face.curved()) continue;
         Face& face = s.faces[f];
         if (find(f) == f) {
             Chart chart;
@@ -118,6 +118,19 @@ std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, con
         chart.height = static_cast<std::uint32_t>(count[1]);
         chart.first_texel = static_cast<std::uint32_t>(texels);
         texels += std::uint64_t{chart.width} * chart.height;
+    }
+    for (std::size_t c = 0; c < s.curves.size(); ++c) { // their lattice stands
+        const Curve& curve = s.curves[c];
+        Chart& chart = curve_charts[c];
+        for (std::uint32_t f = curve.first_face; f < curve.first_face + curve.face_count; ++f)
+            if (drafts[f].lit) chart.faces.push_back({f}), s.faces[f].chart = id<ChartId>(s.charts.size());
+        if (chart.faces.empty()) continue;
+        for (const FaceId f : chart.faces)
+            for (std::uint32_t t = s.faces[f.at()].first_triangle; t < s.faces[f.at()].first_triangle + s.faces[f.at()].triangle_count; ++t)
+                for (const Vec3f& n : s.corner_normals[t]) chart.smooth = chart.smooth || n != Vec3f(s.faces[f.at()].normal);
+        chart.first_texel = static_cast<std::uint32_t>(texels);
+        texels += std::uint64_t{chart.width} * chart.height;
+        s.charts.push_back(std::move(chart));
     }
     s.texel_count = static_cast<std::uint32_t>(texels);
     s.seams = find_seams(s, adjacency);

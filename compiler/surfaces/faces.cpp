@@ -26,7 +26,7 @@ Visibility side_visibility(const World& world, const WorldSide& side, const Worl
     const bool tool = f & (kNoDraw | kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible);
     v.drawn = brush.draws && !tool && !v.sky;
     // Light is not filtered yet: what can be seen through lets all of it pass.
-    const bool clear = (f & (kInvisible | kTranslucent)) || material.alpha < 1;
+    const bool clear = (f & (kInvisible | kTranslucent | kAlphaTested)) || material.alpha < 1;
     v.blocks = (f & kLightBlocker) || (v.hull && !clear && brush.casts_light_shadow);
     v.two_sided = v.drawn && (liquid(behind) || (f & kTwoSided));
     v.lit = v.drawn && !(f & kNoLight);
@@ -64,8 +64,9 @@ struct Group {
     PlaneId plane;
     Contents behind = Contents::solid;
     BrushId brush;
+    Contents wet = Contents::empty; // the liquid in front, if one: what is under water is a face of its own
     bool gap = false; // closes an opening too narrow to count
-    std::vector<Loop> polygons;
+    Polygons polygons;
     std::vector<ClusterId> clusters; // parallel to polygons
 };
 
@@ -84,34 +85,33 @@ BrushId brush_of(const World& world, SideId side) {
 
 std::vector<Group> collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& vertices) {
     std::vector<Group> groups;
-    std::map<std::tuple<ModelId, SideId, PlaneId, bool, bool>, std::size_t> index;
+    std::map<std::tuple<ModelId, SideId, PlaneId, bool, Contents, bool>, std::size_t> index;
     const auto add = [&](ModelId model, SideId side, BrushId brush, Contents behind, const PlanePolygon& polygon, ClusterId cluster,
-                         bool gap = false) {
-        Loop loop = vertices.add(polygon);
-        if (loop.size() < 3) return; // a polygon without area has nothing to show
-        const auto [it, fresh] = index.try_emplace({model, side, polygon.support, opaque(behind), gap}, groups.size());
-        if (fresh) groups.push_back({side, model, polygon.support, behind, brush, gap, {}, {}});
-        groups[it->second].polygons.push_back(std::move(loop));
+                         Contents front = Contents::empty, bool gap = false) {
+        const Contents wet = liquid(front) ? front : Contents::empty;
+        const auto [it, fresh] = index.try_emplace({model, side, polygon.support, opaque(behind), wet, gap}, groups.size());
+        if (fresh) groups.push_back({side, model, polygon.support, behind, brush, wet, gap, {}, {}});
+        vertices.add(polygon, groups[it->second].polygons);
         groups[it->second].clusters.push_back(cluster);
     };
     for (const VisibleFragment& v : bsp.visible) {
         const Fragment& f = csg.fragments[v.fragment];
         if (f.covered || !fills(f.behind) || opaque(f.front)) continue;
         if (!side_visibility(world, world.sides[f.side.at()], world.brushes[f.brush.at()], f.behind).keep) continue;
-        add(f.model, f.side, f.brush, f.behind, v.polygon, v.leaf.valid() ? bsp.leaves[v.leaf.at()].cluster : ClusterId{});
+        add(f.model, f.side, f.brush, f.behind, v.polygon, v.leaf.valid() ? bsp.leaves[v.leaf.at()].cluster : ClusterId{}, f.front);
     }
     for (const ClosedGap& g : bsp.closed)
-        add({0}, g.side, brush_of(world, g.side), Contents::solid, g.polygon, bsp.leaves[g.leaf.at()].cluster, true);
+        add({0}, g.side, brush_of(world, g.side), Contents::solid, g.polygon, bsp.leaves[g.leaf.at()].cluster, Contents::empty, true);
     // Light blockers without contents of their own never became fragments: their whole sides block.
     for (std::size_t b = 0; b < csg.brushes.size(); ++b) {
         const WorldBrush& brush = world.brushes[b];
         const BrushPolytope& polytope = csg.brushes[b];
-        if (!polytope.valid || fills(brush.contents)) continue;
+        if (!polytope.valid || brush.displaced || fills(brush.contents)) continue;
         for (std::size_t i = 0; i < polytope.faces.size(); ++i)
             if (world.materials[world.sides[polytope.sides[i].at()].material.at()].flags & kLightBlocker)
                 add(brush.model, polytope.sides[i], id<BrushId>(b), brush.contents, polytope.faces[i], {});
     }
-    std::ranges::sort(groups, {}, [](const Group& g) { return std::tuple(g.model, g.side, g.plane, g.behind, g.gap); });
+    std::ranges::sort(groups, {}, [](const Group& g) { return std::tuple(g.model, g.side, g.plane, g.behind, g.wet, g.gap); });
     return groups;
 }
 
@@ -179,17 +179,17 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
             FaceDraft d = draft;
             d.loops = region.loops;
             Vec3 area;
-            for (const Loop& loop : region.loops) area += area_vector(vertices, loop);
+            for (const Outline& loop : region.loops) area += area_vector(vertices, loop.vertices);
             d.face.area = std::max(0.0, dot(area, d.face.normal));
-            for (const VertexId v : region.loops[0]) d.face.bounds.add(vertices.position(v));
+            for (const VertexId v : region.loops[0].vertices) d.face.bounds.add(vertices.position(v));
             for (const std::uint32_t m : region.members)
                 if (group.clusters[m].valid()) d.face.clusters.push_back(group.clusters[m]);
             std::ranges::sort(d.face.clusters);
             d.face.clusters.erase(std::unique(d.face.clusters.begin(), d.face.clusters.end()), d.face.clusters.end());
-            if (region.loops.size() == 1 && convex(vertices, region.loops[0], d.face.normal))
-                d.convex = {region.loops[0]};
+            if (region.loops.size() == 1 && convex(vertices, region.loops[0].vertices, d.face.normal))
+                d.convex = {region.loops[0].vertices};
             else
-                for (const std::uint32_t m : region.members) d.convex.push_back(group.polygons[m]);
+                for (const std::uint32_t m : region.members) d.convex.emplace_back(group.polygons[m].begin(), group.polygons[m].end());
             drafts.push_back(std::move(d));
         }
     }

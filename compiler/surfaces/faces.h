@@ -8,12 +8,14 @@ namespace kiln {
 
 struct FaceDraft {
     Face face;                       // all but triangles and chart
-    std::vector<Loop> loops;         // as in Region; T-junctions inserted later
+    std::vector<Outline> loops;      // as in Region; T-junctions inserted later
     std::vector<Loop> convex;        // the same region as convex polygons that overlap nowhere
     double luxel_size = 16;          // map units
     bool lit = false;                // gets luxels
     std::uint32_t smoothing_groups = 0;
     double phong_angle_deg = 0;      // 0: not by angle
+    // Faces of curves have no loops: what is seen of them, in convex polygons that overlap nowhere, luxel coordinates.
+    std::vector<std::vector<Vec2>> seen;
 };
 
 std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,

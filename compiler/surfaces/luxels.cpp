@@ -126,15 +126,24 @@ Vec2 snapped(Vec2 p, const Chart& chart) {
 ChartLuxels cut_chart(const Surfaces& s, ChartId chart_id, const std::vector<FaceDraft>& drafts, const VertexTable& vertices) {
     const Chart& chart = s.charts[chart_id.at()];
     Cutter cutter(chart);
-    for (const FaceId face : chart.faces)
+    for (const FaceId face : chart.faces) {
+        for (const std::vector<Vec2>& seen : drafts[face.at()].seen) {
+            Polygon polygon;
+            for (const Vec2 v : seen) {
+                const Vec2 p = snapped(v, chart);
+                if (polygon.empty() || !(polygon.back() == p)) polygon.push_back(p);
+            }
+            if (polygon.size() >= 3) cutter.add(face, std::move(polygon));
+        }
         for (const Loop& loop : drafts[face.at()].convex) {
             Polygon polygon;
             for (const VertexId v : loop) {
-                const Vec2 p = snapped(luxel_coordinate(chart, vertices.position(v)), chart);
+                const Vec2 p = snapped(luxel_from_world(s, face, vertices.position(v)), chart);
                 if (polygon.empty() || !(polygon.back() == p)) polygon.push_back(p);
             }
             cutter.add(face, std::move(polygon));
         }
+    }
     std::vector<Part>& parts = cutter.parts;
     std::ranges::stable_sort(parts, {}, [](const Part& p) { return std::tuple(p.texel, p.face); });
 

@@ -1,392 +1,282 @@
+// Merging by edges: where two polygons share an edge, one has it forward and one backward, and both go. What is left are
+// the boundaries. Nothing but vertex ids is compared once every vertex that lies on an edge is one of that edge.
 #include "compiler/surfaces/regions.h"
-#include "libs/core/check.h"
-#include <CGAL/Boolean_set_operations_2.h>
-#include <CGAL/Constrained_Delaunay_triangulation_2.h>
-#include <CGAL/Exact_predicates_exact_constructions_kernel.h>
-#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
-#include <CGAL/Polygon_set_2.h>
-#include <CGAL/Triangulation_face_base_with_info_2.h>
-#include <CGAL/Triangulation_vertex_base_with_info_2.h>
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <map>
-#include <unordered_map>
+#include <numeric>
+#include <tuple>
 
 namespace kiln {
 namespace {
 
-using Exact = CGAL::Exact_predicates_exact_constructions_kernel;
-using Fast = CGAL::Exact_predicates_inexact_constructions_kernel;
-using Rational = Exact::Exact_kernel::FT;
-using Rational3 = std::array<Rational, 3>;
+// Candidates to lie on an edge come from rounded coordinates (error below 2^-30 units in a world of 2^20).
+constexpr double kNear = 1e-5; // map units
 
-// Most vertices of most maps are dyadic: their rounded coordinates are the exact ones. kFineBits more bits than the
-// input grid; |coordinate| <= 2^kScaledBits keeps every product below within 127 bits.
-constexpr int kFineBits = 10;
-constexpr int kScaledBits = 46;
-
-struct Triple {
-    std::uint32_t p0, p1, p2;
-    friend bool operator==(const Triple&, const Triple&) = default;
-};
-struct HashTriple {
-    std::size_t operator()(const Triple& t) const noexcept {
-        return (t.p0 * 0x9E3779B97F4A7C15ull) ^ (t.p1 * 0xC2B2AE3D27D4EB4Full) ^ (t.p2 * 0x165667B19E3779F9ull);
-    }
-};
-struct HashPoint {
-    std::size_t operator()(const Vec3& p) const noexcept {
-        const auto h = [](double x) { return std::bit_cast<std::uint64_t>(x + 0.0); }; // -0 as 0
-        return (h(p.x) * 0x9E3779B97F4A7C15ull) ^ ((h(p.y) * 0xC2B2AE3D27D4EB4Full) >> 7) ^ (h(p.z) * 0x165667B19E3779F9ull >> 13);
-    }
+struct Edge {
+    VertexId from, to;
+    PlaneId line;
+    std::uint32_t polygon;
 };
 
-// A decimal big integer, without relying on which number type CGAL was built with.
-Rational parse_integer(const std::string& text) {
-    const bool negative = !text.empty() && text[0] == '-';
-    Rational value = 0;
-    constexpr std::size_t kDigits = 15; // a chunk stays exact in double
-    for (std::size_t i = negative ? 1 : 0; i < text.size(); i += kDigits) {
-        const std::string chunk = text.substr(i, kDigits);
-        double scale = 1;
-        for (std::size_t k = 0; k < chunk.size(); ++k) scale *= 10;
-        value = value * Rational(scale) + Rational(std::stod(chunk));
+class Merger {
+public:
+    Merger(const VertexTable& vertices, PlaneId plane, const Polygons& polygons)
+        : vertices_(vertices), plane_(plane), polygons_(polygons), axes_(project_along(vertices.planes(), plane)) {}
+
+    std::optional<std::vector<Region>> run() {
+        root_.resize(polygons_.size());
+        std::iota(root_.begin(), root_.end(), 0u);
+        edges_.reserve(polygons_.vertices.size());
+        for (std::uint32_t i = 0; i < polygons_.size(); ++i) {
+            const auto loop = polygons_[i];
+            for (std::size_t k = 0; k < loop.size(); ++k)
+                edges_.push_back({loop[k], loop[k + 1 == loop.size() ? 0 : k + 1], polygons_.lines[polygons_.first[i] + k], i});
+        }
+        if (!cancel()) return std::nullopt;
+        // A vertex inside an edge is the end of an edge that found no other: where polygons fan round it, the fan
+        // ends on that edge's line or at the border of them all.
+        if (cut_at_vertices() && !cancel()) return std::nullopt;
+        return trace();
     }
-    return negative ? Rational(-value) : value;
+
+private:
+    const VertexTable& vertices_;
+    PlaneId plane_;
+    const Polygons& polygons_;
+    Projection axes_;
+    std::vector<Edge> edges_; // without an opposite so far
+    std::vector<std::uint32_t> root_;
+
+    std::uint32_t find(std::uint32_t x) {
+        while (root_[x] != x) x = root_[x] = root_[root_[x]];
+        return x;
+    }
+
+    // Removes pairs of opposite edges, joining their polygons. False: an edge comes twice, so polygons overlap.
+    bool cancel() {
+        const auto key = [](const Edge& e) { return std::tuple(std::min(e.from, e.to), std::max(e.from, e.to)); };
+        std::ranges::sort(edges_, {}, [&](const Edge& e) { return std::tuple_cat(key(e), std::tuple(e.from, e.polygon)); });
+        std::size_t kept = 0;
+        for (std::size_t i = 0; i < edges_.size(); ++i) {
+            if (i + 1 < edges_.size() && key(edges_[i]) == key(edges_[i + 1])) {
+                if (edges_[i].from == edges_[i + 1].from) return false;
+                if (i + 2 < edges_.size() && key(edges_[i]) == key(edges_[i + 2])) return false;
+                const std::uint32_t a = find(edges_[i].polygon), b = find(edges_[i + 1].polygon);
+                root_[std::max(a, b)] = std::min(a, b); // the root is the smallest
+                ++i;
+                continue;
+            }
+            edges_[kept++] = edges_[i];
+        }
+        edges_.resize(kept);
+        return true;
+    }
+
+    struct Corner {
+        double x[2];
+        VertexId v;
+    };
+    // Puts every end of an edge that lies strictly inside another one into that. False: there is none.
+    bool cut_at_vertices() {
+        std::vector<Corner> along[2]; // by u, by v
+        Loop ends;
+        ends.reserve(edges_.size() * 2);
+        for (const Edge& e : edges_) ends.push_back(e.from), ends.push_back(e.to);
+        std::ranges::sort(ends);
+        ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+        along[0].reserve(ends.size());
+        for (const VertexId v : ends) along[0].push_back(corner(v));
+        along[1] = along[0];
+        for (const std::size_t k : {std::size_t{0}, std::size_t{1}})
+            std::ranges::sort(along[k], {}, [k](const Corner& c) { return std::tuple(c.x[k], c.v); });
+
+        std::vector<Edge> cut;
+        std::vector<std::pair<double, VertexId>> on;
+        cut.reserve(edges_.size());
+        bool any = false;
+        for (const Edge& e : edges_) {
+            const Corner a = corner(e.from), b = corner(e.to);
+            const double d[2] = {b.x[0] - a.x[0], b.x[1] - a.x[1]}, dd = d[0] * d[0] + d[1] * d[1];
+            // Searched along the axis on which the edge is shorter: fewer lie beside it there.
+            const std::size_t k = std::abs(d[0]) < std::abs(d[1]) ? 0 : 1;
+            const double lo = std::min(a.x[k], b.x[k]) - kNear, hi = std::max(a.x[k], b.x[k]) + kNear;
+            const double far_lo = std::min(a.x[1 - k], b.x[1 - k]) - kNear, far_hi = std::max(a.x[1 - k], b.x[1 - k]) + kNear;
+            on.clear();
+            for (auto c = std::ranges::lower_bound(along[k], lo, {}, [k](const Corner& at) { return at.x[k]; }); c != along[k].end() && c->x[k] <= hi; ++c) {
+                if (c->x[1 - k] < far_lo || c->x[1 - k] > far_hi || c->v == e.from || c->v == e.to) continue;
+                const double q[2] = {c->x[0] - a.x[0], c->x[1] - a.x[1]}, off = d[0] * q[1] - d[1] * q[0];
+                if (off * off > kNear * kNear * dd) continue;
+                if (vertices_.between(e.from, e.to, c->v, plane_, e.line)) on.emplace_back(d[0] * q[0] + d[1] * q[1], c->v);
+            }
+            if (on.empty()) {
+                cut.push_back(e);
+                continue;
+            }
+            any = true;
+            std::ranges::sort(on, [&](const auto& x, const auto& y) { return x.second != y.second && vertices_.within(e.from, y.second, x.second); });
+            Edge part = e;
+            for (const auto& [at, v] : on) {
+                part.to = v;
+                cut.push_back(part);
+                part.from = v;
+            }
+            part.to = e.to;
+            cut.push_back(part);
+        }
+        edges_ = std::move(cut);
+        return any;
+    }
+    Corner corner(VertexId v) const {
+        const Vec3 p = vertices_.position(v);
+        return {{p[axes_.u], p[axes_.v]}, v};
+    }
+
+    // Twice the signed area in (u, v), and what it may be off by.
+    std::pair<double, double> area(const Outline& loop) const {
+        const Corner p0 = corner(loop.vertices[0]);
+        double sum = 0, terms = 0, reach = 0;
+        for (std::size_t i = 1; i + 1 < loop.vertices.size(); ++i) {
+            const Corner p = corner(loop.vertices[i]), q = corner(loop.vertices[i + 1]);
+            const double x = (p.x[0] - p0.x[0]) * (q.x[1] - p0.x[1]), y = (p.x[1] - p0.x[1]) * (q.x[0] - p0.x[0]);
+            sum += x - y;
+            terms += std::abs(x) + std::abs(y);
+            reach += std::abs(p.x[0] - p0.x[0]) + std::abs(p.x[1] - p0.x[1]) + std::abs(q.x[0] - p0.x[0]) + std::abs(q.x[1] - p0.x[1]);
+        }
+        const double off = 4 * vertices_.rounding(), count = static_cast<double>(loop.vertices.size());
+        return {sum, 2 * off * (reach + count * off) + terms * (count + 4) * 0x1p-52};
+    }
+
+    std::optional<std::vector<Region>> trace() {
+        std::vector<std::uint32_t> region_of(polygons_.size());
+        std::vector<Region> regions;
+        for (std::uint32_t i = 0; i < polygons_.size(); ++i) { // ascending: a root comes before its members
+            const std::uint32_t root = find(i);
+            if (root == i) region_of[i] = static_cast<std::uint32_t>(regions.size()), regions.emplace_back();
+            region_of[i] = region_of[root];
+            regions[region_of[i]].members.push_back(i);
+        }
+        for (Edge& e : edges_) e.polygon = region_of[e.polygon];
+        std::ranges::sort(edges_, {}, [](const Edge& e) { return std::tuple(e.polygon, e.from, e.to); });
+        std::vector<std::uint8_t> used(edges_.size());
+        for (std::size_t begin = 0, end; begin < edges_.size(); begin = end) { // the edges of one region
+            bool simple = true;
+            for (end = begin + 1; end < edges_.size() && edges_[end].polygon == edges_[begin].polygon; ++end)
+                simple = simple && edges_[end].from != edges_[end - 1].from;
+            std::vector<Outline> loops;
+            const std::span<const Edge> of(edges_.data() + begin, end - begin);
+            for (std::size_t i = 0; i < of.size(); ++i) {
+                if (used[begin + i]) continue;
+                Outline walk;
+                std::size_t at = i;
+                for (;;) {
+                    used[begin + at] = 1;
+                    walk.vertices.push_back(of[at].from), walk.lines.push_back(of[at].line);
+                    // Any edge that goes on will do: which of several are taken does not matter once the walk is
+                    // taken apart at vertices it passes twice, for loops of one region never meet in two of them.
+                    std::size_t next = static_cast<std::size_t>(std::ranges::lower_bound(of, of[at].to, {}, &Edge::from) - of.begin());
+                    while (next < of.size() && of[next].from == of[at].to && used[begin + next]) ++next;
+                    if (next == of.size() || of[next].from != of[at].to) break;
+                    at = next;
+                }
+                if (of[at].to != of[i].from) return std::nullopt;
+                if (simple) loops.push_back(std::move(walk));
+                else std::ranges::move(split_at_repeats(walk), std::back_inserter(loops));
+            }
+            Region& region = regions[edges_[begin].polygon];
+            for (Outline& loop : loops) {
+                loop = simplify(vertices_, plane_, loop);
+                if (loop.vertices.size() < 3) return std::nullopt;
+                bool outer = loops.size() == 1;
+                if (!outer) {
+                    const auto [twice, off] = area(loop);
+                    if (std::abs(twice) <= off) return std::nullopt;
+                    outer = twice > 0;
+                }
+                region.loops.push_back(std::move(loop));
+                if (outer) std::swap(region.loops.front(), region.loops.back());
+                outers_ += outer;
+            }
+            std::sort(region.loops.begin() + 1, region.loops.end());
+        }
+        if (outers_ != regions.size()) return std::nullopt; // one each
+        for (const Region& r : regions)
+            if (r.loops.empty() || (r.loops.size() > 1 && area(r.loops[0]).first < 0)) return std::nullopt;
+        return regions;
+    }
+    std::size_t outers_ = 0;
+};
+
+std::vector<Region> keep_apart(const Polygons& polygons) {
+    std::vector<Region> regions;
+    for (std::uint32_t i = 0; i < polygons.size(); ++i) {
+        const auto loop = polygons[i];
+        Outline outline{{loop.begin(), loop.end()}, {}};
+        const auto lines = std::span(polygons.lines).subspan(polygons.first[i], loop.size());
+        outline.lines.assign(lines.begin(), lines.end());
+        const auto smallest = std::ranges::min_element(outline.vertices) - outline.vertices.begin();
+        std::ranges::rotate(outline.vertices, outline.vertices.begin() + smallest);
+        std::ranges::rotate(outline.lines, outline.lines.begin() + smallest);
+        regions.push_back({{std::move(outline)}, {i}});
+    }
+    return regions;
 }
 
 } // namespace
 
-struct VertexTable::Data {
-    const PlaneTable& planes;
-    std::vector<Triple> triples;
-    std::vector<Vec3> positions;
-    std::vector<std::array<std::int64_t, 3>> scaled;    // exact coordinates times 2^(grid_bits + kFineBits) ...
-    std::vector<std::uint8_t> dyadic;                   // ... where this is 1
-    std::unordered_map<std::uint32_t, Rational3> rational; // of the others
-    std::unordered_map<Triple, std::uint32_t, HashTriple> by_triple;
-    std::unordered_multimap<Vec3, std::uint32_t, HashPoint> by_position;
-
-    explicit Data(const PlaneTable& table) : planes(table) {}
-
-    bool same_point(const Triple& a, const Triple& b) const {
-        for (const std::uint32_t q : {b.p0, b.p1, b.p2})
-            if (planes.side({a.p0}, {a.p1}, {a.p2}, {q}) != 0) return false;
-        return true;
-    }
-    bool scale_exactly(const Triple& t, Vec3 p, std::array<std::int64_t, 3>& out) const {
-        for (std::size_t i = 0; i < 3; ++i) {
-            const double x = std::ldexp(p[i], planes.grid_bits + kFineBits);
-            if (std::abs(x) > std::ldexp(1.0, kScaledBits) || x != std::floor(x)) return false;
-            out[i] = static_cast<std::int64_t>(x);
-        }
-        for (const std::uint32_t q : {t.p0, t.p1, t.p2}) {
-            const ExactPlane& e = planes.planes[q];
-            const __int128 at = static_cast<__int128>(e.a) * out[0] + static_cast<__int128>(e.b) * out[1] +
-                                static_cast<__int128>(e.c) * out[2];
-            if (at != e.d * (__int128{1} << kFineBits)) return false;
-        }
-        return true;
-    }
-    Rational3 exact(std::uint32_t v) const {
-        if (dyadic[v]) {
-            const Vec3 p = positions[v];
-            return {Rational(p.x), Rational(p.y), Rational(p.z)};
-        }
-        return rational.at(v);
-    }
-    Exact::FT coordinate(std::uint32_t v, int axis) const {
-        const auto i = static_cast<std::size_t>(axis);
-        return dyadic[v] ? Exact::FT(positions[v][i]) : Exact::FT(rational.at(v)[i]);
-    }
-};
-
-VertexTable::VertexTable(const PlaneTable& planes) : data_(std::make_unique<Data>(planes)) {}
-VertexTable::~VertexTable() = default;
-std::size_t VertexTable::size() const { return data_->positions.size(); }
-const PlaneTable& VertexTable::planes() const { return data_->planes; }
-Vec3 VertexTable::position(VertexId v) const { return data_->positions[v.at()]; }
-
-VertexId VertexTable::add(PlaneId p0, PlaneId p1, PlaneId p2) {
-    Data& d = *data_;
-    std::array<std::uint32_t, 3> ids{p0.value & ~1u, p1.value & ~1u, p2.value & ~1u}; // a point has no facing
-    std::ranges::sort(ids);
-    const Triple triple{ids[0], ids[1], ids[2]};
-    if (const auto it = d.by_triple.find(triple); it != d.by_triple.end()) return {it->second};
-    Vec3 p = d.planes.point({ids[0]}, {ids[1]}, {ids[2]});
-    p = p + Vec3{}; // -0 becomes 0
-    const auto [first, last] = d.by_position.equal_range(p);
-    for (auto it = first; it != last; ++it)
-        if (d.same_point(d.triples[it->second], triple)) {
-            d.by_triple.emplace(triple, it->second);
-            return {it->second};
-        }
-    const auto v = static_cast<std::uint32_t>(d.positions.size());
-    d.triples.push_back(triple);
-    d.positions.push_back(p);
-    d.scaled.emplace_back();
-    d.dyadic.push_back(d.scale_exactly(triple, p, d.scaled.back()) ? 1 : 0);
-    if (!d.dyadic.back()) {
-        const std::array<std::string, 4> text = d.planes.exact_point({ids[0]}, {ids[1]}, {ids[2]});
-        const Rational w = parse_integer(text[3]);
-        d.rational.emplace(v, Rational3{Rational(parse_integer(text[0]) / w), Rational(parse_integer(text[1]) / w),
-                                        Rational(parse_integer(text[2]) / w)});
-    }
-    d.by_triple.emplace(triple, v);
-    d.by_position.emplace(p, v);
-    return {v};
-}
-
-Loop VertexTable::add(const PlanePolygon& polygon) {
-    Loop loop;
-    const std::size_t n = polygon.size();
+Outline simplify(const VertexTable& vertices, PlaneId plane, const Outline& loop) {
+    const std::size_t n = loop.vertices.size();
+    Outline out;
+    std::size_t smallest = 0;
     for (std::size_t i = 0; i < n; ++i) {
-        const VertexId v = add(polygon.support, polygon.edges[(i + n - 1) % n], polygon.edges[i]);
-        if (loop.empty() || loop.back() != v) loop.push_back(v);
+        // Straight where the next vertex is on the line of the edge that came here: a boundary never turns back on itself.
+        const PlaneId before = loop.lines[i == 0 ? n - 1 : i - 1], after = loop.lines[i];
+        if ((before.value | 1u) == (after.value | 1u) || vertices.on_line(loop.vertices[i + 1 == n ? 0 : i + 1], plane, before)) continue;
+        out.vertices.push_back(loop.vertices[i]), out.lines.push_back(after);
+        if (out.vertices.back() < out.vertices[smallest]) smallest = out.vertices.size() - 1;
     }
-    while (loop.size() > 1 && loop.front() == loop.back()) loop.pop_back();
-    return loop;
-}
-
-bool VertexTable::between(VertexId a, VertexId b, VertexId v) const {
-    const Data& d = *data_;
-    const auto test = [](const auto& pa, const auto& pb, const auto& pv) {
-        using T = std::decay_t<decltype(pa[0])>;
-        const std::array<T, 3> ab{T(pb[0] - pa[0]), T(pb[1] - pa[1]), T(pb[2] - pa[2])};
-        const std::array<T, 3> av{T(pv[0] - pa[0]), T(pv[1] - pa[1]), T(pv[2] - pa[2])};
-        if (ab[1] * av[2] != ab[2] * av[1] || ab[2] * av[0] != ab[0] * av[2] || ab[0] * av[1] != ab[1] * av[0]) return false;
-        const T zero = 0;
-        for (std::size_t i = 0; i < 3; ++i) {
-            if (ab[i] == zero) continue;
-            return ab[i] > zero ? av[i] > zero && av[i] < ab[i] : av[i] < zero && av[i] > ab[i];
-        }
-        return false;
-    };
-    if (d.dyadic[a.at()] && d.dyadic[b.at()] && d.dyadic[v.at()]) {
-        const auto wide = [&](VertexId id) {
-            const auto& s = d.scaled[id.at()];
-            return std::array<__int128, 3>{s[0], s[1], s[2]};
-        };
-        return test(wide(a), wide(b), wide(v));
+    const auto first = static_cast<std::ptrdiff_t>(smallest);
+    if (first > 0) {
+        std::ranges::rotate(out.vertices, out.vertices.begin() + first);
+        std::ranges::rotate(out.lines, out.lines.begin() + first);
     }
-    return test(d.exact(a.value), d.exact(b.value), d.exact(v.value));
+    return out;
 }
 
-namespace {
-
-// The plane seen from its front, its dominant axis dropped: (u, v) right-handed, exact.
-struct Projection {
-    int u = 0, v = 1;
-};
-Projection project_along(const PlaneTable& planes, PlaneId plane) {
-    const ExactPlane& p = planes.planes[plane.at()];
-    const std::array<std::int64_t, 3> n{p.a, p.b, p.c};
-    std::size_t axis = 2;
-    for (const std::size_t i : {std::size_t{1}, std::size_t{0}})
-        if (std::abs(n[i]) > std::abs(n[axis])) axis = i;
-    Projection r{static_cast<int>((axis + 1) % 3), static_cast<int>((axis + 2) % 3)};
-    if (n[axis] < 0) std::swap(r.u, r.v);
-    return r;
-}
-
-using Polygon = CGAL::Polygon_2<Exact>;
-using PolygonWithHoles = CGAL::Polygon_with_holes_2<Exact>;
-using PolygonSet = CGAL::Polygon_set_2<Exact>;
-
-struct LessPoint {
-    bool operator()(const Exact::Point_2& a, const Exact::Point_2& b) const { return CGAL::compare_xy(a, b) == CGAL::SMALLER; }
-};
-
-// Vertices straight between their neighbours go; the loop starts at its smallest id.
-Loop simplify(const VertexTable& vertices, Loop loop) {
-    for (bool changed = true; changed && loop.size() > 3;) {
-        changed = false;
-        for (std::size_t i = 0; i < loop.size() && loop.size() > 3;) {
-            const std::size_t n = loop.size();
-            if (vertices.between(loop[(i + n - 1) % n], loop[(i + 1) % n], loop[i])) {
-                loop.erase(loop.begin() + static_cast<std::ptrdiff_t>(i));
-                changed = true;
-            } else {
-                ++i;
+std::vector<Outline> split_at_repeats(const Outline& walk) {
+    std::vector<Outline> loops;
+    Outline open;
+    // Where in `open` a vertex is, of those that come more than once; they are few.
+    Loop sorted = walk.vertices;
+    std::ranges::sort(sorted);
+    Loop repeated;
+    for (std::size_t i = 1; i < sorted.size(); ++i)
+        if (sorted[i] == sorted[i - 1] && (repeated.empty() || repeated.back() != sorted[i])) repeated.push_back(sorted[i]);
+    for (std::size_t i = 0; i < walk.vertices.size(); ++i) {
+        const VertexId v = walk.vertices[i];
+        if (std::ranges::binary_search(repeated, v))
+            if (const auto it = std::ranges::find(open.vertices, v); it != open.vertices.end()) {
+                const auto lines = open.lines.begin() + (it - open.vertices.begin());
+                loops.push_back({{it, open.vertices.end()}, {lines, open.lines.end()}});
+                open.lines.erase(lines, open.lines.end());
+                open.vertices.erase(it, open.vertices.end());
             }
-        }
-    }
-    std::ranges::rotate(loop, std::ranges::min_element(loop));
-    return loop;
-}
-
-std::vector<Region> keep_apart(const VertexTable& vertices, std::span<const Loop> polygons) {
-    std::vector<Region> regions;
-    for (std::size_t i = 0; i < polygons.size(); ++i)
-        regions.push_back({{simplify(vertices, polygons[i])}, {static_cast<std::uint32_t>(i)}});
-    return regions;
-}
-
-// A closed walk that passes some vertices several times, as simple loops.
-std::vector<Loop> split_at_repeats(const Loop& walk) {
-    std::vector<Loop> loops;
-    Loop open;
-    for (const VertexId v : walk) {
-        if (const auto it = std::ranges::find(open, v); it != open.end()) {
-            loops.emplace_back(it, open.end());
-            open.erase(it, open.end());
-        }
-        open.push_back(v);
+        open.vertices.push_back(v), open.lines.push_back(walk.lines[i]);
     }
     loops.push_back(std::move(open));
     return loops;
 }
 
-struct Ring {
-    Loop loop;
-    Polygon polygon;
-};
-
-std::vector<Region> merge_with_cgal(const VertexTable& vertices, PlaneId plane, std::span<const Loop> polygons) {
-    const Projection axes = project_along(vertices.planes(), plane);
-    const VertexTable::Data& data = vertices.data();
-    std::map<std::uint32_t, Exact::Point_2> points;
-    std::map<Exact::Point_2, VertexId, LessPoint> ids;
-    std::vector<Polygon> parts;
-    parts.reserve(polygons.size());
-    for (const Loop& loop : polygons) {
-        Polygon part;
-        for (const VertexId v : loop) {
-            auto it = points.find(v.value);
-            if (it == points.end()) {
-                it = points.emplace(v.value, Exact::Point_2(data.coordinate(v.value, axes.u), data.coordinate(v.value, axes.v))).first;
-                ids.emplace(it->second, v);
-            }
-            part.push_back(it->second);
-        }
-        parts.push_back(std::move(part));
-    }
-    PolygonSet set;
-    set.join(parts.begin(), parts.end());
-    std::vector<PolygonWithHoles> merged;
-    set.polygons_with_holes(std::back_inserter(merged));
-
-    // The library may join what only touches in a vertex to one boundary: taken apart there, every loop is simple and
-    // says by its turn whether it is outer or a hole.
-    std::vector<Ring> outer, holes;
-    const auto take = [&](const Polygon& boundary) {
-        Loop loop;
-        // Polygons that nowhere overlap meet in no new points, so every vertex is one that went in.
-        for (auto p = boundary.vertices_begin(); p != boundary.vertices_end(); ++p) {
-            const auto it = ids.find(*p);
-            if (it == ids.end()) throw std::runtime_error("union made a vertex");
-            loop.push_back(it->second);
-        }
-        for (Loop& simple : split_at_repeats(loop)) {
-            Ring ring;
-            for (const VertexId v : simple) ring.polygon.push_back(points.at(v.value));
-            ring.loop = std::move(simple);
-            (ring.polygon.orientation() == CGAL::COUNTERCLOCKWISE ? outer : holes).push_back(std::move(ring));
-        }
-    };
-    for (const PolygonWithHoles& p : merged) {
-        take(p.outer_boundary());
-        for (auto h = p.holes_begin(); h != p.holes_end(); ++h) take(*h);
-    }
-    // The innermost outer loop around a point that lies on none of them.
-    const auto home = [&](const Exact::Point_2& point) {
-        if (outer.size() == 1) return std::size_t{0};
-        std::size_t best = outer.size();
-        for (std::size_t i = 0; i < outer.size(); ++i)
-            if (outer[i].polygon.bounded_side(point) == CGAL::ON_BOUNDED_SIDE &&
-                (best == outer.size() || outer[i].polygon.area() < outer[best].polygon.area()))
-                best = i;
-        if (best == outer.size()) throw std::runtime_error("union lost a polygon");
-        return best;
-    };
-    std::vector<Region> regions(outer.size());
-    for (std::size_t i = 0; i < outer.size(); ++i) regions[i].loops.push_back(simplify(vertices, outer[i].loop));
-    for (const Ring& h : holes)
-        regions[home(CGAL::midpoint(h.polygon[0], h.polygon[1]))].loops.push_back(simplify(vertices, h.loop));
-    for (Region& r : regions) std::sort(r.loops.begin() + 1, r.loops.end());
-    for (std::size_t i = 0; i < parts.size(); ++i)
-        regions[home(CGAL::centroid(parts[i][0], parts[i][1], parts[i][2]))].members.push_back(static_cast<std::uint32_t>(i));
-    for (const Region& r : regions)
-        if (r.members.empty()) throw std::runtime_error("union made a region of nothing");
-    std::ranges::sort(regions, {}, [](const Region& r) { return r.members.front(); });
-    return regions;
-}
-
-} // namespace
-
-std::vector<Region> merge_polygons(const VertexTable& vertices, PlaneId plane, std::span<const Loop> polygons, bool& merged) {
+std::vector<Region> merge_polygons(const VertexTable& vertices, PlaneId plane, const Polygons& polygons, bool& merged) {
     merged = true;
-    if (polygons.size() == 1) return keep_apart(vertices, polygons);
-    try {
-        return merge_with_cgal(vertices, plane, polygons);
-    } catch (const std::exception&) { // the library's refusal: unmerged is correct, only more faces
-    }
-    merged = false;
-    return keep_apart(vertices, polygons);
+    if (polygons.size() == 1) return keep_apart(polygons);
+    if (auto regions = merge_by_edges(vertices, plane, polygons)) return *std::move(regions);
+    if (auto regions = merge_by_union(vertices, plane, polygons)) return *std::move(regions);
+    merged = false; // unmerged is correct, only more faces
+    return keep_apart(polygons);
 }
 
-namespace {
-
-template <class Kernel, class PointOf>
-std::vector<std::array<VertexId, 3>> triangulate_with(const std::vector<Loop>& loops, const PointOf& point_of) {
-    using VertexBase = CGAL::Triangulation_vertex_base_with_info_2<std::uint32_t, Kernel>;
-    using FaceBase = CGAL::Triangulation_face_base_with_info_2<int, Kernel, CGAL::Constrained_triangulation_face_base_2<Kernel>>;
-    using Structure = CGAL::Triangulation_data_structure_2<VertexBase, FaceBase>;
-    using Triangulation = CGAL::Constrained_Delaunay_triangulation_2<Kernel, Structure, CGAL::No_constraint_intersection_tag>;
-    Triangulation cdt;
-    for (const Loop& loop : loops) {
-        std::vector<typename Triangulation::Vertex_handle> handles;
-        typename Triangulation::Face_handle hint;
-        for (const VertexId v : loop) {
-            const auto h = cdt.insert(point_of(v), hint);
-            h->info() = v.value;
-            hint = h->face();
-            handles.push_back(h);
-        }
-        for (std::size_t i = 0; i < handles.size(); ++i) cdt.insert_constraint(handles[i], handles[(i + 1) % handles.size()]);
-    }
-    // Inside: an odd number of constraints away from infinity.
-    for (auto f = cdt.all_faces_begin(); f != cdt.all_faces_end(); ++f) f->info() = -1;
-    std::vector<typename Triangulation::Face_handle> todo{cdt.infinite_face()};
-    cdt.infinite_face()->info() = 0;
-    while (!todo.empty()) {
-        const auto f = todo.back();
-        todo.pop_back();
-        for (int i = 0; i < 3; ++i) {
-            const auto g = f->neighbor(i);
-            if (g->info() >= 0) continue;
-            g->info() = f->info() ^ (f->is_constrained(i) ? 1 : 0);
-            todo.push_back(g);
-        }
-    }
-    std::vector<std::array<VertexId, 3>> triangles;
-    for (auto f = cdt.finite_faces_begin(); f != cdt.finite_faces_end(); ++f)
-        if (f->info() == 1) triangles.push_back({VertexId{f->vertex(0)->info()}, VertexId{f->vertex(1)->info()}, VertexId{f->vertex(2)->info()}});
-    return triangles;
-}
-
-} // namespace
-
-std::vector<std::array<VertexId, 3>> triangulate(const VertexTable& vertices, PlaneId plane, const std::vector<Loop>& loops) {
-    if (loops.size() == 1 && loops[0].size() == 3) return {{loops[0][0], loops[0][1], loops[0][2]}};
-    const Projection axes = project_along(vertices.planes(), plane);
-    const VertexTable::Data& data = vertices.data();
-    bool dyadic = true;
-    for (const Loop& loop : loops)
-        for (const VertexId v : loop) dyadic = dyadic && data.dyadic[v.at()];
-    try {
-        if (dyadic)
-            return triangulate_with<Fast>(loops, [&](VertexId v) {
-                const Vec3 p = data.positions[v.at()];
-                return Fast::Point_2(p[static_cast<std::size_t>(axes.u)], p[static_cast<std::size_t>(axes.v)]);
-            });
-        return triangulate_with<Exact>(loops, [&](VertexId v) {
-            return Exact::Point_2(data.coordinate(v.value, axes.u), data.coordinate(v.value, axes.v));
-        });
-    } catch (const std::exception&) {
-        return {};
-    }
+std::optional<std::vector<Region>> merge_by_edges(const VertexTable& vertices, PlaneId plane, const Polygons& polygons) {
+    return Merger(vertices, plane, polygons).run();
 }
 
 } // namespace kiln

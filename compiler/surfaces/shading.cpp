@@ -6,9 +6,20 @@
 namespace kiln {
 namespace {
 
-bool may_smooth(const FaceDraft& d) { return d.face.drawn && (d.smoothing_groups != 0 || d.phong_angle_deg > 0); }
+bool may_smooth(const FaceDraft& d) {
+    return d.face.curved() || (d.face.drawn && (d.smoothing_groups != 0 || d.phong_angle_deg > 0));
+}
 
-bool smooth_together(const FaceDraft& f, const FaceDraft& g) {
+// Displacements that meet are one terrain, whatever the angle. Patches may be meant to have an edge where they meet.
+bool curves_smooth_together(const Surfaces& s, const Face& f, const Face& g) {
+    if (!f.curved() || !g.curved()) return false;
+    constexpr double kPatchEdge = 0.70710678; // cosine of 45 degrees
+    if (s.curves[f.curve].kind != s.curves[g.curve].kind) return false;
+    return f.curve == g.curve || s.curves[f.curve].kind == Curve::displacement || dot(f.normal, g.normal) > kPatchEdge;
+}
+
+bool smooth_together(const Surfaces& s, const FaceDraft& f, const FaceDraft& g) {
+    if (f.face.curved() || g.face.curved()) return curves_smooth_together(s, f.face, g.face); // drawn or buried
     if (!f.face.drawn || !g.face.drawn) return false;
     if (f.smoothing_groups || g.smoothing_groups) return (f.smoothing_groups & g.smoothing_groups) != 0;
     const double limit = std::min(f.phong_angle_deg, g.phong_angle_deg);
@@ -42,8 +53,8 @@ void shade_corners(Surfaces& s, const std::vector<FaceDraft>& drafts, const Adja
                 const std::uint32_t u = adjacency.fan_triangles[i];
                 const FaceDraft& other = drafts[s.triangle_face[u].at()];
                 const bool same = s.triangle_face[u] == s.triangle_face[t];
-                if (!same && !smooth_together(own, other)) continue;
-                bent = bent || other.face.plane != own.face.plane;
+                if (!same && !smooth_together(s, own, other)) continue;
+                bent = bent || other.face.plane != own.face.plane || (own.face.curved() && other.face.normal != own.face.normal);
                 sum += other.face.normal * angle_at(s, u, s.triangles[t][c]);
             }
             constexpr double kCancelled = 1e-6; // normals that cancel out leave no direction to shade by

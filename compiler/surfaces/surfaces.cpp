@@ -1,5 +1,6 @@
 #include "compiler/surfaces/surfaces.h"
 #include "compiler/surfaces/charts.h"
+#include "compiler/surfaces/curves.h"
 #include "compiler/surfaces/faces.h"
 #include "compiler/surfaces/luxels.h"
 #include "compiler/surfaces/shading.h"
@@ -12,10 +13,9 @@ namespace {
 
 // Faces of one model share vertices; models move against each other, so they do not.
 void resolve_tjunctions(std::vector<FaceDraft>& drafts, const VertexTable& vertices, std::uint32_t model_count, Context& context) {
-    std::vector<std::vector<Loop*>> of_model(model_count);
-    for (FaceDraft& d : drafts)
-        for (Loop& loop : d.loops) of_model[d.face.model.at()].push_back(&loop);
-    for (const std::vector<Loop*>& loops : of_model) insert_tjunctions(vertices, loops, context);
+    std::vector<std::vector<FaceOutlines>> of_model(model_count);
+    for (FaceDraft& d : drafts) of_model[d.face.model.at()].push_back({d.face.plane, &d.loops});
+    for (const std::vector<FaceOutlines>& faces : of_model) insert_tjunctions(vertices, faces, context);
 }
 
 // Where the library refuses: the convex pieces as fans. Right in area, but with T-junctions.
@@ -68,10 +68,14 @@ Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& b
     resolve_tjunctions(drafts, vertices, world.model_count, context);
     context.check_cancelled();
     add_triangles(s, drafts, vertices, world, context);
+    CurveGrids grids;
+    add_displacements(world, csg, grids, context);
+    add_patches(world, options.curve_flatness, grids, context);
+    std::vector<Chart> curve_charts = add_curve_faces(s, drafts, grids, world, csg, bsp, context);
     context.say("surfaces", 0.6);
     const Adjacency adjacency = find_adjacency(s);
     shade_corners(s, drafts, adjacency);
-    const std::uint64_t texels = make_charts(s, drafts, adjacency, world, context);
+    const std::uint64_t texels = make_charts(s, drafts, std::move(curve_charts), adjacency, world, context);
     if (const std::uint64_t most = std::min<std::uint64_t>(options.most_texels, UINT32_MAX); texels > most)
         return fault(Exit::limit, "too-many-luxels",
                      fmt::format("the surfaces need {} million lightmap texels, allowed are {}: see the lightmap scales of the map, --luxel and --max-texels",

@@ -1,9 +1,11 @@
 // Surfaces: what is drawn and lit. Visible fragments merged into maximal regions with holes, triangulated without
-// T-junctions over shared vertices, smoothed, given tangent frames, charts and luxels.
+// T-junctions over shared vertices, smoothed, given tangent frames, charts and luxels. Displacements and patches as
+// grids of flat faces that share a chart.
 //
 // In       world, csg, bsp
 // Out      tables below; positions are rounded once (PlaneTable::point) and welded by exact equality
-// Errors   none of its own; a side whose texture axes lie in one line gets a frame of its plane and a warning
+// Errors   a displacement whose base is no quad, a patch without area: reported, left out; a side whose texture axes
+//          lie in one line gets a frame of its plane and a warning
 #pragma once
 #include "compiler/bsp/bsp.h"
 
@@ -13,10 +15,10 @@ using FaceId = Index<struct FaceTag>;
 using ChartId = Index<struct ChartTag>;
 
 struct Face { // a maximal connected region of one brush side
-    SideId side;
+    SideId side;                    // none: of a patch
     MaterialId material;
     ModelId model;
-    PlaneId plane;
+    PlaneId plane;                  // none: of a curve, whose faces have no exact plane
     ChartId chart;                  // none: sky, nolight and light blockers that are not drawn
     Vec3 normal;                    // unit, of the plane: points to the air
     double distance = 0;            // dot(normal, x) = distance
@@ -30,16 +32,48 @@ struct Face { // a maximal connected region of one brush side
     bool sky = false;
     bool two_sided = false;         // drawn from behind too (water against air, two-sided materials)
     bool hull = false;              // part of the closed boundary of what is solid (structural or detail)
+    std::uint32_t curve = UINT32_MAX; // index into Surfaces::curves; none: of a brush, whose faces come before those of curves
+    bool curved() const { return curve != UINT32_MAX; }
     template <class A> void fields(A& a) {
         a(side, material, model, plane, chart, normal, distance, tangent, first_triangle, triangle_count, area, bounds,
-          clusters, drawn, blocks_light, sky, two_sided, hull);
+          clusters, drawn, blocks_light, sky, two_sided, hull, curve);
     }
+};
+
+// A displacement or a patch: a grid of vertices, row by row, cross(along a row, from row to row) to the front. Each
+// quad is two triangles; its diagonal joins the corners whose row + column is even. Each triangle is a face, but for
+// those beside it that lie in its plane and have their luxels on the same lattice: they are one with it. Where a finer
+// neighbour has vertices on a border edge, the triangle at that edge is several.
+struct Curve {
+    enum Kind : std::uint8_t { displacement, patch };
+    Kind kind = displacement;
+    std::uint32_t source = 0;       // index into World::displacements or World::patches
+    std::uint32_t first_face = 0, face_count = 0;
+    std::uint32_t columns = 0, rows = 0;
+    std::vector<std::uint32_t> grid; // positions, [row * columns + column]
+    std::vector<Vec2> uv;            // parallel to grid: repeats of the texture, v down
+    std::array<Vec3, 4> base{};      // displacements: corners of the base face, from that of vertex 0 on, counter-clockwise
+    PlaneId base_plane;              // displacements: of the base face
+    template <class A> void fields(A& a) { a(kind, source, first_face, face_count, columns, rows, grid, uv, base, base_plane); }
+};
+struct CurveCorner { // of a triangle of a curve
+    static constexpr bool kRawBytes = true;
+    Vec2 luxel, uv;                 // luxel coordinates in the chart; repeats of the texture, v down
+    double alpha = 0;               // 0..1; displacements
+};
+
+// Luxel coordinates of a plane: of x  (dot(x - origin, s), dot(x - origin, t)),  back  origin + i * luxel.x + j * luxel.y
+struct LuxelMap {
+    static constexpr bool kRawBytes = true;
+    Vec3 origin, s, t, i, j;        // s, t: luxels a unit, in the plane; i, j: units a luxel
 };
 
 // One luxel grid over coplanar, edge-connected faces of equal tangent frame and luxel size. Texel (i,j) covers
 // the square [i,i+1)x[j,j+1) of luxel coordinates; its centre is (i+.5, j+.5). The outermost ring is gutter.
 //   luxel coordinate of x = (dot(x - origin, s), dot(x - origin, t)) / luxel_size
 // The lattice is anchored to the world: dot(origin, s) and dot(origin, t) are multiples of luxel_size.
+// The chart of a curve has the luxels of all its faces, along its rows (x) and columns (y), each face with a LuxelMap of
+// its own; origin, s, t and n are then those of the plane nearest to it. No luxel edge is longer than luxel_size.
 struct Chart {
     Vec3 origin, s, t, n;           // s, t unit, in the plane; s along the tangent; n = face normal; t = cross(n, s)
     Frame frame;                    // RNM frame of the chart: its faces' tangent frame
@@ -48,8 +82,10 @@ struct Chart {
     std::uint32_t first_texel = 0;  // into arrays over all texels of all charts
     std::vector<FaceId> faces;
     bool smooth = false;            // some corner normal differs from n
+    std::uint32_t curve = UINT32_MAX; // index into Surfaces::curves; none: of brush faces
+    bool curved() const { return curve != UINT32_MAX; }
     template <class A> void fields(A& a) {
-        a(origin, s, t, n, frame, luxel_size, width, height, first_texel, faces, smooth);
+        a(origin, s, t, n, frame, luxel_size, width, height, first_texel, faces, smooth, curve);
     }
 };
 
@@ -89,12 +125,51 @@ struct Surfaces {
     std::vector<Vec2> piece_points;                          // grouped by piece
     std::vector<Seam> seams;                                 // sorted
     std::uint32_t texel_count = 0;                           // sum of width*height
+    std::vector<Curve> curves;                               // displacements, then patches
+    std::uint32_t first_curved_face = UINT32_MAX;            // faces from here on are of curves
+    std::vector<LuxelMap> luxel_maps;                        // of those faces
+    std::vector<std::array<CurveCorner, 3>> curve_corners;   // of their triangles
     // Blockers that no face shows (light_blocker brushes), as extra faces with drawn = false, are in the same tables.
     template <class A> void fields(A& a) {
         a(positions, triangles, triangle_face, corner_normals, faces, charts, luxels, pieces, piece_points, seams,
-          texel_count);
+          texel_count, curves, first_curved_face, luxel_maps, curve_corners);
     }
+
+    const LuxelMap& luxel_map(FaceId curved_face) const { return luxel_maps[curved_face.value - first_curved_face]; }
 };
+
+// From the world to luxel coordinates and back, on the plane of a face with a chart.
+inline Vec2 luxel_from_world(const Surfaces& s, FaceId face, Vec3 point) {
+    const Face& f = s.faces[face.at()];
+    if (f.curved()) {
+        const LuxelMap& m = s.luxel_map(face);
+        return {dot(point - m.origin, m.s), dot(point - m.origin, m.t)};
+    }
+    const Chart& c = s.charts[f.chart.at()];
+    const Vec3 d = point - c.origin;
+    return {dot(d, c.s) / c.luxel_size, dot(d, c.t) / c.luxel_size};
+}
+inline Vec3 world_from_luxel(const Surfaces& s, FaceId face, Vec2 luxel) {
+    const Face& f = s.faces[face.at()];
+    if (f.curved()) {
+        const LuxelMap& m = s.luxel_map(face);
+        return m.origin + m.i * luxel.x + m.j * luxel.y;
+    }
+    const Chart& c = s.charts[f.chart.at()];
+    const Vec3 p = c.origin + (c.s * luxel.x + c.t * luxel.y) * c.luxel_size;
+    return p + f.normal * (f.distance - dot(f.normal, p));
+}
+inline double luxel_area(const Surfaces& s, FaceId face) { // map units squared of a whole luxel there
+    const Face& f = s.faces[face.at()];
+    if (f.curved()) return length(cross(s.luxel_map(face).i, s.luxel_map(face).j));
+    const double size = s.charts[f.chart.at()].luxel_size;
+    return size * size;
+}
+// Where in the map file a face comes from.
+inline SourceLocation location_of(const World& world, const Surfaces& s, FaceId face) {
+    const Face& f = s.faces[face.at()];
+    return f.side.valid() || !f.curved() ? world.location(f.side) : world.location(world.patches[s.curves[f.curve].source]);
+}
 
 struct SurfacesOptions {
     // Faces are flat unless smoothing groups (VMF) or `_phong` keys say otherwise. Above 0: edges up to this angle
@@ -103,13 +178,17 @@ struct SurfacesOptions {
     // More texels than this are a fault (Exit::limit): a slip in a lightmap scale, not a level. Light takes some 150
     // bytes a texel.
     std::uint64_t most_texels = std::uint64_t{1} << 26;
-    template <class A> void fields(A& a) { a(smoothing_angle_deg, most_texels); }
+    double curve_flatness = 0.5; // map units: patches are divided until they lie within this of their triangles
+    template <class A> void fields(A& a) { a(smoothing_angle_deg, most_texels, curve_flatness); }
 };
 Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& bsp, const SurfacesOptions& options,
                                 Context& context);
 void validate(const Surfaces& surfaces);
 // The same, for all who want to know more than the first that fails; `world`: for the places, may be null.
 void check_invariants(const Surfaces& surfaces, const World* world, Checker& checker);
+
+// Directed edges of the triangles of curves of one model that no opposite edge answers: their outer border.
+std::size_t unmatched_curve_edges(const Surfaces& surfaces, ModelId model, Curve::Kind kind);
 
 // Directed edges of the hull triangles of one model that no opposite edge answers: 0 for a sealed solid.
 std::size_t unmatched_hull_edges(const Surfaces& surfaces, ModelId model = {0});

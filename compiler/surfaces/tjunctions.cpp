@@ -54,8 +54,8 @@ struct Corners {
     }
 };
 
-// Vertices strictly on the segment, from a to b.
-std::vector<VertexId> on_segment(const VertexTable& vertices, const Corners& corners, VertexId a, VertexId b) {
+// Vertices strictly on the segment, from a to b, both on the two planes.
+std::vector<VertexId> on_segment(const VertexTable& vertices, const Corners& corners, VertexId a, VertexId b, PlaneId p, PlaneId q) {
     const Vec3 pa = vertices.position(a), pb = vertices.position(b), d = pb - pa;
     const double dd = dot(d, d);
     struct Found {
@@ -65,17 +65,13 @@ std::vector<VertexId> on_segment(const VertexTable& vertices, const Corners& cor
     std::vector<Found> found;
     corners.along(pa, pb, [&](VertexId v) {
         if (v == a || v == b) return;
-        const Vec3 q = vertices.position(v) - pa;
-        const double t = dd > 0 ? dot(q, d) / dd : 0;
-        const Vec3 off = q - d * t;
+        const Vec3 at = vertices.position(v) - pa;
+        const double t = dd > 0 ? dot(at, d) / dd : 0;
+        const Vec3 off = at - d * t;
         if (t < -kNear || t > 1 + kNear || dot(off, off) > kNear * kNear) return;
-        if (vertices.between(a, b, v)) found.push_back({t, v});
+        if (vertices.between(a, b, v, p, q)) found.push_back({t, v});
     });
-    const double same = dd > 0 ? kNear / std::sqrt(dd) : 1;
-    std::ranges::sort(found, [&](const Found& x, const Found& y) {
-        if (x.v == y.v) return false;
-        return std::abs(x.t - y.t) > same ? x.t < y.t : vertices.between(a, y.v, x.v);
-    });
+    std::ranges::sort(found, [&](const Found& x, const Found& y) { return x.v != y.v && vertices.within(a, y.v, x.v); });
     std::vector<VertexId> out;
     for (const Found& f : found)
         if (out.empty() || out.back() != f.v) out.push_back(f.v);
@@ -84,26 +80,28 @@ std::vector<VertexId> on_segment(const VertexTable& vertices, const Corners& cor
 
 } // namespace
 
-void insert_tjunctions(const VertexTable& vertices, std::span<Loop* const> loops, Context& context) {
+void insert_tjunctions(const VertexTable& vertices, std::span<const FaceOutlines> faces, Context& context) {
     Corners corners;
     std::vector<VertexId> unique;
-    for (const Loop* loop : loops) unique.insert(unique.end(), loop->begin(), loop->end());
+    for (const FaceOutlines& face : faces)
+        for (const Outline& loop : *face.loops) unique.insert(unique.end(), loop.vertices.begin(), loop.vertices.end());
     std::ranges::sort(unique);
     unique.erase(std::unique(unique.begin(), unique.end()), unique.end());
     for (const VertexId v : unique) corners.add(v, vertices.position(v));
 
-    parallel_for(context, loops.size(), [&](std::size_t i) {
-        Loop& loop = *loops[i];
-        Loop out;
-        for (std::size_t k = 0; k < loop.size(); ++k) {
-            const VertexId a = loop[k], b = loop[(k + 1) % loop.size()];
-            out.push_back(a);
-            // Asked in one direction only, so that both faces of an edge get the same answer.
-            std::vector<VertexId> on = on_segment(vertices, corners, std::min(a, b), std::max(a, b));
-            if (b < a) std::ranges::reverse(on);
-            out.insert(out.end(), on.begin(), on.end());
+    parallel_for(context, faces.size(), [&](std::size_t f) {
+        for (Outline& loop : *faces[f].loops) {
+            const std::size_t n = loop.vertices.size();
+            Outline out;
+            for (std::size_t k = 0; k < n; ++k) {
+                const VertexId a = loop.vertices[k], b = loop.vertices[k + 1 == n ? 0 : k + 1];
+                const std::vector<VertexId> on = on_segment(vertices, corners, a, b, faces[f].plane, loop.lines[k]);
+                out.vertices.push_back(a);
+                out.vertices.insert(out.vertices.end(), on.begin(), on.end());
+                out.lines.insert(out.lines.end(), on.size() + 1, loop.lines[k]);
+            }
+            loop = std::move(out);
         }
-        loop = std::move(out);
     });
 }
 

@@ -6,7 +6,11 @@
 
 namespace kiln {
 
+struct FaceOutlines {
+    PlaneId plane;
+    std::vector<Outline>* loops;
+};
 // Inserts into each loop's edges every vertex of any of the loops that lies strictly on them; exact.
-void insert_tjunctions(const VertexTable& vertices, std::span<Loop* const> loops, Context& context);
+void insert_tjunctions(const VertexTable& vertices, std::span<const FaceOutlines> faces, Context& context);
 
 } // namespace kiln

@@ -16,7 +16,7 @@ public:
     Reader(const Surfaces& surfaces, const World* world, Checker& checker) : s(surfaces), world_(world), checker_(checker) {}
 
     void check() {
-        if (check_faces() && check_charts()) check_luxels(); // what reads indices needs them sound
+        if (check_faces() && check_charts() && check_luxels()) check_curves(); // what reads indices needs them sound
     }
 
 private:
@@ -91,7 +91,7 @@ private:
         return charts.ok();
     }
 
-    void check_luxels() {
+    bool check_luxels() {
         Check &luxels = checker_.add("luxels"), &cover = checker_.add("luxel-cover");
         std::vector<double> covered(s.charts.size(), 0.0);
         std::uint64_t next_piece = 0, next_point = 0;
@@ -100,7 +100,7 @@ private:
             const auto tell = [&](const char* what) {
                 return [&, what] { return Finding{side(l.face.at() < s.faces.size() ? s.faces[l.face.at()].side : SideId{}), fmt::format("luxel {} {} of chart {}: {}", l.x, l.y, l.chart.value, what)}; };
             };
-            if (!luxels.expect(l.chart.at() < s.charts.size() && l.face.at() < s.faces.size(), tell("its chart or face does not exist"))) return;
+            if (!luxels.expect(l.chart.at() < s.charts.size() && l.face.at() < s.faces.size(), tell("its chart or face does not exist"))) return false;
             const Chart& chart = s.charts[l.chart.at()];
             if (i > 0) {
                 const Luxel& k = s.luxels[i - 1];
@@ -110,14 +110,14 @@ private:
             luxels.expect(l.area > 0 && l.area < 1 + 1e-5f && l.piece_count > 0, tell("its footprint has no area, or more than a texel"));
             constexpr double kSlack = 1e-6;
             luxels.expect(l.centroid.x > l.x - kSlack && l.centroid.x < l.x + 1 + kSlack && l.centroid.y > l.y - kSlack && l.centroid.y < l.y + 1 + kSlack, tell("its centroid lies outside its square"));
-            if (!luxels.expect(l.first_piece == next_piece && next_piece + l.piece_count <= s.pieces.size(), tell("its pieces do not follow those of the luxel before"))) return;
+            if (!luxels.expect(l.first_piece == next_piece && next_piece + l.piece_count <= s.pieces.size(), tell("its pieces do not follow those of the luxel before"))) return false;
             next_piece += l.piece_count;
             double area = 0;
             for (std::uint64_t p = l.first_piece; p < next_piece; ++p) {
                 const LuxelPiece& piece = s.pieces[p];
                 luxels.expect(piece.face.at() < s.faces.size() && s.faces[piece.face.at()].chart == l.chart, tell("a piece is of a face of another chart"));
                 if (!luxels.expect(piece.first_point == next_point && piece.point_count >= 3 && next_point + piece.point_count <= s.piece_points.size(), tell("the points of a piece do not follow those of the piece before")))
-                    return;
+                    return false;
                 next_point += piece.point_count;
                 const Vec2* q = &s.piece_points[piece.first_point];
                 bool within = true;
@@ -132,6 +132,7 @@ private:
         luxels.expect(next_piece == s.pieces.size() && next_point == s.piece_points.size(), [&] { return Finding{side({}), "some pieces belong to no luxel"}; });
         for (std::size_t c = 0; c < s.charts.size(); ++c) {
             const Chart& chart = s.charts[c];
+            if (chart.curved()) continue; // check_curves
             double area = 0;
             for (const FaceId f : chart.faces) area += s.faces[f.at()].area;
             const double squared = chart.luxel_size * chart.luxel_size, reach = chart.width + chart.height;
@@ -139,6 +140,54 @@ private:
                 return Finding{side(s.faces[chart.faces[0].at()].side), fmt::format("chart {}: its luxels cover {} square units, its faces are {}", c, covered[c] * squared, area)};
             });
         }
+        return luxels.ok();
+    }
+
+    void check_curves() {
+        Check &curves = checker_.add("curves"), &cover = checker_.add("curve-luxels");
+        std::size_t next = std::min<std::size_t>(s.first_curved_face, s.faces.size()), corner = 0;
+        for (std::size_t f = 0; f < next; ++f)
+            curves.expect(!s.faces[f].curved() && s.faces[f].plane.valid(), [&] { return Finding{side(s.faces[f].side), fmt::format("face {} stands among those of brushes, but is of a curve or has no plane", f)}; });
+        if (!curves.expect(s.luxel_maps.size() == s.faces.size() - next, [&] { return Finding{side({}), "the luxel maps are not as many as curved faces"}; })) return;
+        std::vector<double> covered(s.faces.size(), 0.0); // map units squared
+        for (const LuxelPiece& piece : s.pieces) {
+            if (!s.faces[piece.face.at()].curved()) continue;
+            double area = 0;
+            const Vec2 p0 = s.piece_points[piece.first_point];
+            for (std::uint32_t k = 1; k + 1 < piece.point_count; ++k)
+                area += 0.5 * cross(s.piece_points[piece.first_point + k] - p0, s.piece_points[piece.first_point + k + 1] - p0);
+            covered[piece.face.at()] += area * luxel_area(s, piece.face);
+        }
+        for (std::size_t c = 0; c < s.curves.size(); ++c) {
+            const Curve& curve = s.curves[c];
+            const auto tell = [&](const char* what) { return [&, what] { return Finding{curve_place(c), fmt::format("curve {}: {}", c, what)}; }; };
+            if (!curves.expect(curve.first_face == next && next + curve.face_count <= s.faces.size(), tell("its faces do not follow those of the curve before"))) return;
+            curves.expect(curve.grid.size() == std::size_t{curve.columns} * curve.rows && curve.uv.size() == curve.grid.size(), tell("its tables do not fit its size"));
+            curves.expect(std::ranges::all_of(curve.grid, [&](std::uint32_t p) { return p < s.positions.size(); }), tell("a vertex of its grid does not exist"));
+            next += curve.face_count;
+            for (std::size_t f = curve.first_face; f < next; ++f) {
+                const Face& face = s.faces[f];
+                curves.expect(face.curve == c && !face.hull && !face.plane.valid(), tell("a face of it is of another curve, part of a hull, or has an exact plane"));
+                curves.expect(!face.chart.valid() || s.charts[face.chart.at()].curve == c, tell("a face of it has the chart of something else"));
+                for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t, ++corner) {
+                    if (!curves.expect(corner < s.curve_corners.size(), tell("a triangle of it has no corners of a curve"))) return;
+                    if (!face.chart.valid()) continue;
+                    const Chart& chart = s.charts[face.chart.at()];
+                    for (std::size_t k = 0; k < 3; ++k) {
+                        const Vec2 l = s.curve_corners[corner][k].luxel;
+                        constexpr double kRounding = 1e-6; // map units, luxels: the map is of doubles
+                        cover.expect(l.x > 1 - kRounding && l.y > 1 - kRounding && l.x < chart.width - 1 + kRounding && l.y < chart.height - 1 + kRounding, tell("a corner lies outside its chart"));
+                        cover.expect(length(world_from_luxel(s, id<FaceId>(f), l) - s.positions[s.triangles[t][k]]) < kRounding, tell("the luxel coordinates of a corner lead elsewhere"));
+                    }
+                }
+                cover.expect(covered[f] <= face.area * (1 + 1e-5) + 1e-6, tell("its luxels cover more than a face has"));
+            }
+        }
+        curves.expect(next == s.faces.size() && corner == s.curve_corners.size(), [&] { return Finding{side({}), "some curved faces or corners belong to no curve"}; });
+    }
+    SourceLocation curve_place(std::size_t c) const {
+        const Curve& curve = s.curves[c];
+        return world_ && curve.first_face < s.faces.size() ? location_of(*world_, s, id<FaceId>(curve.first_face)) : SourceLocation{};
     }
 };
 
@@ -149,6 +198,22 @@ void check_invariants(const Surfaces& surfaces, const World* world, Checker& che
 void validate(const Surfaces& surfaces) {
     Checker checker;
     check_invariants(surfaces, nullptr, checker);
+}
+
+std::size_t unmatched_curve_edges(const Surfaces& s, ModelId model, Curve::Kind kind) {
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> forward, backward, open;
+    for (std::size_t t = 0; t < s.triangles.size(); ++t) {
+        const Face& face = s.faces[s.triangle_face[t].at()];
+        if (!face.curved() || face.model != model || s.curves[face.curve].kind != kind) continue;
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::uint32_t a = s.triangles[t][c], b = s.triangles[t][(c + 1) % 3];
+            forward.emplace_back(a, b), backward.emplace_back(b, a);
+        }
+    }
+    std::ranges::sort(forward);
+    std::ranges::sort(backward);
+    std::ranges::set_difference(forward, backward, std::back_inserter(open));
+    return open.size();
 }
 
 std::size_t unmatched_hull_edges(const Surfaces& s, ModelId model) {

@@ -249,7 +249,8 @@ private:
             const auto tell = [&](const char* what) { return [&, what] { return of_face(i, what); }; };
             const Vec3 n = vec(f[i].normal), tangent = vec(f[i].tangent), bitangent = vec(f[i].bitangent);
             const kiln_plane& plane = l.planes()[f[i].plane];
-            faces.expect(length(vec(plane.normal) - n) < 1e-5, tell("its normal is not that of its plane"));
+            const bool curved = (f[i].flags & KILN_FACE_CURVED) != 0; // many planes: what follows from one does not hold
+            faces.expect(curved || length(vec(plane.normal) - n) < 1e-5, tell("its normal is not that of its plane"));
             faces.expect(std::abs(length(tangent) - 1) < 1e-5 && std::abs(length(bitangent) - 1) < 1e-5 && std::abs(dot(tangent, n)) < 1e-5 && std::abs(dot(bitangent, n)) < 1e-5 &&
                              std::abs(dot(tangent, bitangent)) < 1e-5,
                          tell("its tangent frame is not orthonormal"));
@@ -265,10 +266,10 @@ private:
                     flat = flat && std::abs(dot(vec(plane.normal), p[c]) - plane.distance) <= 0.9 * grid() + 1e-9 * (1 + reach(p[c]));
                     unit = unit && std::abs(length(vec(&normals[9 * k + 3 * c])) - 1) < 1e-3;
                 }
-                mesh.expect(flat, tell("a corner of it does not lie in its plane"));
+                mesh.expect(flat || curved, tell("a corner of it does not lie in its plane"));
                 mesh.expect(unit, tell("a corner normal of it is not unit"));
                 // Rounding to the grid may fold slivers.
-                mesh.expect(dot(cross(p[1] - p[0], p[2] - p[0]), vec(plane.normal)) >= -2 * grid() * (length(p[1] - p[0]) + length(p[2] - p[0])), tell("a triangle of it faces the wrong way"));
+                mesh.expect(curved || dot(cross(p[1] - p[0], p[2] - p[0]), vec(plane.normal)) >= -2 * grid() * (length(p[1] - p[0]) + length(p[2] - p[0])), tell("a triangle of it faces the wrong way"));
             }
         }
         mesh.expect(next == t.size() / 3, [&] { return found("some triangles belong to no face"); });
@@ -310,6 +311,15 @@ private:
             const kiln_chart& chart = c[face.chart];
             const double slack = grid() / chart.luxel_size + 1e-3;
             bool within = true;
+            if (face.flags & KILN_FACE_CURVED) {
+                std::size_t n = 0;
+                const kiln_curve_corner* corners = kiln_level_curve_corners(l.get(), static_cast<std::uint32_t>(f), &n);
+                charts.expect(corners && n == face.triangle_count, [&] { return of_face(f, "it is curved, but its triangles have no corners of a curve"); });
+                for (std::size_t k = 0; corners && k < 3 * n; ++k)
+                    within = within && corners[k].luxel[0] >= 1 - slack && corners[k].luxel[1] >= 1 - slack && corners[k].luxel[0] <= chart.width - 1 + slack && corners[k].luxel[1] <= chart.height - 1 + slack;
+                charts.expect(within, [&] { return of_face(f, fmt::format("it reaches out of chart {}", face.chart)); });
+                continue;
+            }
             for (std::size_t k = 3 * std::size_t{face.first_triangle}; k < 3 * (std::size_t{face.first_triangle} + face.triangle_count); ++k) {
                 const Vec3 x = position(t[k]) - vec(chart.origin);
                 const double s = dot(x, vec(chart.s)) / chart.luxel_size, u = dot(x, vec(chart.t)) / chart.luxel_size;

@@ -34,25 +34,31 @@ private:
     const VerifyOptions& options_;
     Checker& checker_;
 
-    SourceLocation side_of(std::size_t face) const { return world_.location(s.faces[face].side); }
+    SourceLocation side_of(std::size_t face) const { return location_of(world_, s, id<FaceId>(face)); }
+    // Brushes, displacements and patches of a model have corners of their own.
+    std::uint32_t group(std::size_t triangle) const {
+        const Face& f = s.faces[s.triangle_face[triangle].at()];
+        return 3 * f.model.value + (f.curved() ? 1u + s.curves[f.curve].kind : 0u);
+    }
 
     void sources() {
         Check &sources = checker_.add("face-sources"), &welded = checker_.add("positions-welded");
         for (std::size_t f = 0; f < s.faces.size(); ++f) {
             const Face& face = s.faces[f];
-            const auto tell = [&](const char* what) { return [&, what] { return Finding{world_.location(face.side), fmt::format("face {}: {}", f, what)}; }; };
-            if (!sources.expect(face.side.at() < world_.sides.size() && face.material.at() < world_.materials.size(), tell("its side or material does not exist"))) continue;
-            sources.expect(face.material == world_.sides[face.side.at()].material || !face.drawn, tell("its material is not that of its side"));
-            sources.expect(face.plane.at() < bsp_.planes.planes.size() && bsp_.planes.normal(face.plane) == face.normal && bsp_.planes.distance(face.plane) == face.distance,
+            const auto tell = [&](const char* what) { return [&, what] { return Finding{side_of(f), fmt::format("face {}: {}", f, what)}; }; };
+            const bool of_patch = face.curved() && s.curves[face.curve].kind == Curve::patch;
+            if (!sources.expect((of_patch || face.side.at() < world_.sides.size()) && face.material.at() < world_.materials.size(), tell("its side or material does not exist"))) continue;
+            sources.expect(of_patch || face.material == world_.sides[face.side.at()].material || !face.drawn, tell("its material is not that of its side"));
+            if (!face.curved()) sources.expect(face.plane.at() < bsp_.planes.planes.size() && bsp_.planes.normal(face.plane) == face.normal && bsp_.planes.distance(face.plane) == face.distance,
                            tell("its normal and distance are not those of its plane"));
             sources.expect(face.clusters.empty() || face.clusters.back().value < bsp_.cluster_count, tell("it borders a cluster that does not exist"));
             // Only what came from the tree has a place in it: brush models and light blockers have none.
-            if (face.model.value == 0 && face.drawn) sources.expect(!face.clusters.empty(), tell("it is drawn, but borders no cluster"));
+            if (face.model.value == 0 && face.drawn && !face.curved()) sources.expect(!face.clusters.empty(), tell("it is drawn, but borders no cluster"));
         }
-        // Faces of one model share vertices: equal positions are one.
+        // Faces of one group share vertices: equal positions are one.
         std::vector<std::uint32_t> model(s.positions.size(), UINT32_MAX);
         for (std::size_t t = 0; t < s.triangles.size(); ++t)
-            for (const std::uint32_t p : s.triangles[t]) model[p] = s.faces[s.triangle_face[t].at()].model.value;
+            for (const std::uint32_t p : s.triangles[t]) model[p] = group(t);
         std::map<std::tuple<std::uint32_t, double, double, double>, std::uint32_t> seen;
         for (std::uint32_t p = 0; p < s.positions.size(); ++p) {
             if (model[p] == UINT32_MAX) continue;
@@ -105,10 +111,9 @@ private:
         std::map<Cell, std::vector<std::uint32_t>> cells;
         std::vector<std::uint8_t> listed(s.positions.size());
         const auto cell = [](double x) { return static_cast<std::int64_t>(std::floor(x / kCell)); };
-        const auto model_of = [&](std::size_t t) { return s.faces[s.triangle_face[t].at()].model.value; };
         for (std::size_t t = 0; t < s.triangles.size(); ++t)
             for (const std::uint32_t p : s.triangles[t])
-                if (!std::exchange(listed[p], 1)) cells[{model_of(t), cell(s.positions[p].x), cell(s.positions[p].y), cell(s.positions[p].z)}].push_back(p);
+                if (!std::exchange(listed[p], std::uint8_t{1})) cells[{group(t), cell(s.positions[p].x), cell(s.positions[p].y), cell(s.positions[p].z)}].push_back(p);
         const auto key = [](std::uint32_t a, std::uint32_t b) { return std::uint64_t{std::min(a, b)} << 32 | std::max(a, b); };
         std::unordered_map<std::uint64_t, char> done, inner; // inner: of the face at hand
         std::size_t face = SIZE_MAX;
@@ -130,7 +135,7 @@ private:
                 Cell last{UINT32_MAX, 0, 0, 0};
                 for (int k = 0; k <= steps && !within; ++k) {
                     const Vec3 p = a + d * (static_cast<double>(k) / steps);
-                    const Cell here{model_of(t), cell(p.x), cell(p.y), cell(p.z)};
+                    const Cell here{group(t), cell(p.x), cell(p.y), cell(p.z)};
                     if (here == last) continue;
                     last = here;
                     for (std::int64_t dz = -1; dz <= 1; ++dz)
@@ -181,7 +186,7 @@ private:
             const LuxelPiece& piece = s.pieces[l.first_piece];
             Vec2 middle;
             for (std::uint32_t k = 0; k < piece.point_count; ++k) middle = middle + s.piece_points[piece.first_point + k] * (1.0 / piece.point_count);
-            const Vec3 p = c.origin + c.s * (middle.x * c.luxel_size) + c.t * (middle.y * c.luxel_size);
+            const Vec3 p = world_from_luxel(s, piece.face, middle);
             const Face& f = s.faces[piece.face.at()];
             bool found = false;
             for (std::uint32_t t = f.first_triangle; t < f.first_triangle + f.triangle_count && !found; ++t) {
@@ -191,7 +196,7 @@ private:
                     found = found && dot(cross(b - a, p - a), f.normal) >= -(kLattice * c.luxel_size + 1e-6) * std::max(1.0, length(b - a));
                 }
             }
-            on.expect(found, [&] { return Finding{world_.location(f.side), fmt::format("luxel {} {} of chart {} has a piece at {}, where its face is not", l.x, l.y, l.chart.value, at(p))}; });
+            on.expect(found, [&] { return Finding{side_of(piece.face.at()), fmt::format("luxel {} {} of chart {} has a piece at {}, where its face is not", l.x, l.y, l.chart.value, at(p))}; });
         }
     }
 };

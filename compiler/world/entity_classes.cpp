@@ -27,7 +27,6 @@ constexpr std::string_view kHiddenVolumes[] = {
     "func_nav_prefer",
     "func_nobuild",
     "func_nogrenades",
-    "func_occluder",
     "func_precipitation",
     "func_proprrespawnzone",
     "func_regenerate",
@@ -36,7 +35,6 @@ constexpr std::string_view kHiddenVolumes[] = {
     "func_tankcontrols",
     "func_useableladder",
     "func_vehicleclip",
-    "func_viscluster",
     "func_weight_button",
     "info_ladder",
     "light_surface",
@@ -58,11 +56,7 @@ constexpr NotHandled kNotHandled[] = {
     {"infodecal", Severity::warning, "not-handled-decal", "{} decals are not compiled yet"},
     {"_decal", Severity::warning, "not-handled-decal", "{} decals are not compiled yet"},
     {"sky_camera", Severity::warning, "not-handled-sky-camera",
-     "{} sky_camera: the 3D skybox is compiled like the rest of the map, and does not shade it"},
-    {"func_viscluster", Severity::note, "not-handled-viscluster",
-     "{} func_viscluster: their volumes have no effect on visibility yet"},
-    {"func_occluder", Severity::note, "not-handled-occluder", "{} func_occluder stay entities without polygons"},
-    {"func_ladder", Severity::note, "ladder-merged", "{} func_ladder: their brushes are kept for collision alone"},
+     "{} sky_camera: the 3D skybox does not shade the map"},
     {"water_lod_control", Severity::note, "not-handled-water-lod",
      "{} water_lod_control stay entities without effect here"},
 };
@@ -81,9 +75,11 @@ BrushUse brush_use(const DocEntity& entity, bool is_world, MapFormat format) {
     if (name == "func_detail_illusionary") return BrushUse::illusion;
     if (name == "func_group") return entity.number("_detail", 0) != 0 ? BrushUse::detail : BrushUse::structural;
     if (name == "func_areaportal" || name == "func_areaportalwindow") return BrushUse::area_portal;
-    if (name == "func_viscluster" || name == "func_occluder") return BrushUse::dropped;
-    // Source moves ladders into the world; their brushes carry a tool texture.
-    if (name == "func_ladder" && format == MapFormat::vmf) return BrushUse::structural;
+    if (name == "func_viscluster") return BrushUse::vis_cluster;
+    if (name == "func_occluder") return BrushUse::occluder;
+    // Source moves ladders into the world; their brushes mostly carry a tool texture.
+    if ((name == "func_ladder" || name == "func_simpleladder") && format == MapFormat::vmf) return BrushUse::ladder;
+    if (name == "func_water" || name == "func_water_analog") return BrushUse::water;
     if (name.starts_with("trigger_")) return BrushUse::hidden_model;
     if (std::ranges::find(kHiddenVolumes, name) != std::end(kHiddenVolumes)) return BrushUse::hidden_model;
     return entity.number("_detail", 0) != 0 ? BrushUse::detail : BrushUse::model;
@@ -94,6 +90,11 @@ bool passable_model(const DocEntity& entity) {
     if (equal_ignoring_case(name, "func_illusionary") || equal_ignoring_case(name, "func_illusionary_visblocker"))
         return true;
     return equal_ignoring_case(name, "func_brush") && entity.number("Solidity", 0) == 1; // 1: never solid
+}
+
+Contents liquid_of(const DocEntity& entity) {
+    const double skin = entity.number("skin", -3); // Half-Life: -3 water, -4 slime, -5 lava
+    return skin == -5 ? Contents::lava : skin == -4 ? Contents::slime : Contents::water;
 }
 
 } // namespace kiln

@@ -12,4 +12,10 @@ bool means_quake3(const Document& document);
 // `material` as this row wants it.
 Material with_row_flags(Material material, const DocSide& side, MapFormat format, bool quake3);
 
+// Bits of a Quake 2 row that the format does not define.
+struct UnknownBits {
+    std::int64_t contents = 0, surface = 0;
+};
+UnknownBits unknown_row_bits(const DocSide& side, MapFormat format, bool quake3);
+
 } // namespace kiln

@@ -35,6 +35,10 @@ SourceLocation World::location(SideId side) const {
     return where;
 }
 
+SourceLocation World::location(const WorldPatch& patch) const {
+    return {name_of(patch.file), patch.grid.line, entities[patch.entity.at()].id, patch.grid.id};
+}
+
 void check_invariants(const World& world, Checker& checker) {
     Check &entities = checker.add("world-entities"), &brushes = checker.add("world-brushes"), &sides = checker.add("world-sides");
     if (!entities.expect(!world.entities.empty(), [&] { return Finding{{world.file}, "there is no worldspawn"}; })) return;
@@ -50,7 +54,7 @@ void check_invariants(const World& world, Checker& checker) {
         brushes.expect(b.side_count > 0, tell("it has no sides"));
         next_side = b.first_side + b.side_count;
         brushes.expect(b.model.value < world.model_count, tell(fmt::format("it names model {} of {}", b.model.value, world.model_count)));
-        brushes.expect(b.contents != Contents::empty, tell("it has no contents"));
+        brushes.expect((b.contents == Contents::empty) == b.displaced, tell("displaced brushes are empty, no others"));
         brushes.expect(!b.model.value || world.entities[b.entity.at()].model == b.model, tell("its model is not that of its entity"));
     }
     brushes.expect(next_side == world.sides.size(), [&] { return Finding{{world.file}, fmt::format("{} sides belong to brushes, there are {}", next_side, world.sides.size())}; });
@@ -62,6 +66,16 @@ void check_invariants(const World& world, Checker& checker) {
         sides.expect(s.lightmap_scale > 0, tell("its luxel size is not positive"));
         sides.expect(s.texture.u_scale != 0 && s.texture.v_scale != 0, tell("its texture scale is 0"));
     }
+    Check &displacements = checker.add("world-displacements"), &patches = checker.add("world-patches");
+    for (std::size_t d = 0; d < world.displacements.size(); ++d) {
+        const SideId side = world.displacements[d].side;
+        displacements.expect(side.at() < world.sides.size() && world.sides[side.at()].displacement == static_cast<std::int32_t>(d),
+                             [&] { return Finding{world.location(side), fmt::format("displacement {} and its side do not name each other", d)}; });
+    }
+    for (const WorldPatch& p : world.patches)
+        patches.expect(p.material.at() < world.materials.size() && p.entity.at() < world.entities.size() && p.model.value < world.model_count &&
+                           p.grid.points.size() == std::size_t{p.grid.columns} * p.grid.rows,
+                       [&] { return Finding{{world.name_of(p.file), p.grid.line}, "a patch names what does not exist, or its points do not fit its size"}; });
     std::uint32_t models = 1;
     for (std::size_t e = 1; e < world.entities.size(); ++e)
         if (const ModelId m = world.entities[e].model; m.valid()) {

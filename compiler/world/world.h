@@ -66,9 +66,9 @@ struct WorldBrush {
     EntityId entity;                // it was written in (func_detail, func_group keep theirs)
     bool casts_light_shadow = true; // brush entities: only by key (vrad_brush_cast_shadows, _shadow)
     bool draws = true;              // false: no face of it is drawn (tool brushes)
-    bool collides = true;           // false: players pass (illusionary, liquids, triggers)
-    std::uint8_t blocks = kBlocksAll; // BlocksBit; 0 where it does not collide
-    bool displaced = false;         // some side carries a displacement: the brush itself fills and draws nothing
+    bool collides = true;           // players do not pass: blocks & kBlocksPlayers
+    std::uint8_t blocks = kBlocksAll; // BlocksBit
+    bool displaced = false;         // some side carries a displacement: the brush itself is `empty` and draws nothing
     std::uint16_t file = 0;         // index for World::name_of
     int line = 0, id = -1;
     template <class A> void fields(A& a) {
@@ -142,6 +142,7 @@ struct World {
     SourceLocation location(BrushId brush) const;
     SourceLocation location(SideId side) const; // O(log brushes)
     SourceLocation location(EntityId entity) const;
+    SourceLocation location(const WorldPatch& patch) const;
 };
 
 struct WorldOptions {

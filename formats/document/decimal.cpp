@@ -1,4 +1,5 @@
 #include "formats/document/decimal.h"
+#include "formats/document/document.h"
 #include "libs/core/check.h"
 #include <array>
 #include <charconv>
@@ -16,15 +17,45 @@ constexpr bool is_digit(char c) {
     return c >= '0' && c <= '9';
 }
 
+constexpr bool is_space(char c) {
+    return c == ' ' || (c >= '\t' && c <= '\r');
+}
+
 constexpr __int128 power_of_ten(int n) { // n <= 38
     __int128 p = 1;
     while (n-- > 0) p *= 10;
     return p;
 }
 
+// parse_decimal for what nearly all numbers of maps are: at most 18 characters, no exponent. Nothing: it is not that.
+std::optional<Decimal> parse_short(std::string_view text) {
+    if (text.size() > static_cast<std::size_t>(kDigits)) return std::nullopt;
+    const char* p = text.data();
+    const char* const end = p + text.size();
+    const bool negative = p != end && *p == '-';
+    if (negative || (p != end && *p == '+')) ++p;
+    std::uint64_t mantissa = 0;
+    std::int32_t exponent = 0;
+    const char* const digits = p;
+    for (; p != end && is_digit(*p); ++p) mantissa = mantissa * 10 + static_cast<std::uint64_t>(*p - '0');
+    bool any = p != digits;
+    if (p != end && *p == '.') {
+        const char* const fraction = ++p;
+        for (; p != end && is_digit(*p); ++p) mantissa = mantissa * 10 + static_cast<std::uint64_t>(*p - '0');
+        exponent = static_cast<std::int32_t>(fraction - p);
+        any = any || p != fraction;
+    }
+    if (p != end || !any) return std::nullopt;
+    if (mantissa == 0) return Decimal{};
+    while (mantissa % 10 == 0) mantissa /= 10, ++exponent;
+    const auto value = static_cast<std::int64_t>(mantissa);
+    return Decimal{negative ? -value : value, exponent, true};
+}
+
 } // namespace
 
 std::optional<Decimal> parse_decimal(std::string_view text) {
+    if (const std::optional<Decimal> number = parse_short(text)) return number;
     const char* p = text.data();
     const char* const end = p + text.size();
     bool negative = false;
@@ -124,6 +155,22 @@ bool Decimal::on_grid(int bits) const {
     if (exponent < -27) return false; // 5^27 > 10^18 cannot divide the mantissa
     const __int128 scaled = static_cast<__int128>(mantissa) << bits;
     return scaled % power_of_ten(-exponent) == 0;
+}
+
+// Of document.h; here, so that its parts can be inlined: texts of maps are mostly numbers.
+std::optional<double> parse_number(std::string_view text) {
+    while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
+    while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
+    const std::optional<Decimal> decimal = parse_decimal(text);
+    if (!decimal) return std::nullopt;
+    double value = decimal->to_double();
+    if (value == 0 && text.front() == '-') return -0.0; // a Decimal knows no sign of zero
+    if (!decimal->exact) { // more digits than a Decimal holds: round once, not twice
+        if (text.front() == '+') text.remove_prefix(1);
+        if (std::from_chars(text.data(), text.data() + text.size(), value).ec != std::errc{}) return std::nullopt;
+    }
+    if (!std::isfinite(value)) return std::nullopt;
+    return value;
 }
 
 } // namespace kiln

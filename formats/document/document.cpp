@@ -1,6 +1,4 @@
 #include "formats/document/document.h"
-#include <charconv>
-#include <cmath>
 
 namespace kiln {
 namespace {
@@ -35,25 +33,15 @@ std::vector<double> parse_numbers(std::string_view text, bool* complete) {
         if (at == text.size()) break;
         std::size_t end = at;
         while (end < text.size() && !is_space(text[end])) ++end;
-        const char* first = text.data() + at;
-        if (*first == '+' && end - at > 1 && first[1] != '-') ++first;
-        double value = 0;
-        const auto [stop, ec] = std::from_chars(first, text.data() + end, value);
-        if (ec == std::errc{} && stop == text.data() + end && std::isfinite(value))
-            numbers.push_back(value);
+        const std::optional<double> value = parse_number(text.substr(at, end - at));
+        if (value)
+            numbers.push_back(*value);
         else
             all = false;
         at = end;
     }
     if (complete) *complete = all;
     return numbers;
-}
-
-std::optional<double> parse_number(std::string_view text) {
-    bool complete = false;
-    const std::vector<double> numbers = parse_numbers(text, &complete);
-    if (!complete || numbers.size() != 1) return std::nullopt;
-    return numbers[0];
 }
 
 const DocKey* DocEntity::find(std::string_view key) const {

@@ -39,7 +39,7 @@ struct DocTexture {
 //   base(v) + normals[v] * distances[v] + offsets[v] + elevation * (normal of the base face)
 struct DocDisplacement {
     int line = 0;
-    int power = 0;        // 2..4
+    int power = 0;        // 2..4; 0: unreadable, the reader has told
     Vec3 start{};         // map units
     double elevation = 0; // map units
     std::uint32_t flags = 0; // of the file: 2 no physics, 4 no hull, 8 no ray collision

@@ -1,5 +1,6 @@
 #include "formats/document/side_text.h"
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fmt/format.h>
 
@@ -13,7 +14,9 @@ bool read_coordinate(std::string_view text, Decimal& out, const SourceLocation& 
             fmt::format("the coordinate '{}' is not a finite number; the brush is left out", shown(text)), where);
         return false;
     }
-    if (!(std::abs(value->to_double()) <= kLargestCoordinate)) {
+    constexpr auto kLargest = static_cast<std::int64_t>(kLargestCoordinate);
+    const bool small = value->exponent <= 0 && value->mantissa >= -kLargest && value->mantissa <= kLargest; // most are
+    if (!small && !(std::abs(value->to_double()) <= kLargestCoordinate)) {
         context.report(Severity::error, "coordinate-out-of-range",
                        fmt::format("the coordinate {} lies beyond {} map units; the brush is left out", shown(text),
                                    kLargestCoordinate),
@@ -25,10 +28,57 @@ bool read_coordinate(std::string_view text, Decimal& out, const SourceLocation& 
 }
 
 void mend_texture_scale(DocTexture& texture, const SourceLocation& where, Context& context) {
-    if (texture.u_scale != 0 && texture.v_scale != 0) return;
+    const auto good = [](double scale) { return std::abs(scale) >= 1 / kLargestTextureNumber; };
+    if (good(texture.u_scale) && good(texture.v_scale)) return;
     context.report(Severity::warning, "texture-scale-zero", "a texture scale is zero; 1 is used", where);
-    if (texture.u_scale == 0) texture.u_scale = 1;
-    if (texture.v_scale == 0) texture.v_scale = 1;
+    if (!good(texture.u_scale)) texture.u_scale = 1;
+    if (!good(texture.v_scale)) texture.v_scale = 1;
+}
+
+void check_material(const DocSide& side, const SourceLocation& where, Context& context) {
+    if (side.material.empty()) context.report(Severity::warning, "material-missing", "a side names no material; it is built without", where);
+}
+
+std::size_t split_words(std::string_view text, std::span<std::string_view> words) {
+    const auto separates = [](char c) {
+        return c == ' ' || (c >= '\t' && c <= '\r') || c == '(' || c == ')' || c == '[' || c == ']';
+    };
+    std::size_t count = 0;
+    for (std::size_t at = 0;;) {
+        while (at < text.size() && separates(text[at])) ++at;
+        if (at == text.size()) return count;
+        if (count == words.size()) return count + 1;
+        const std::size_t first = at;
+        while (at < text.size() && !separates(text[at])) ++at;
+        words[count++] = text.substr(first, at - first);
+    }
+}
+
+bool read_numbers(std::string_view text, std::span<double> out) {
+    std::size_t used = 0;
+    while (used < out.size()) { // in steps, so that long rows need no array of their words
+        std::array<std::string_view, 1> word;
+        if (split_words(text, word) == 0) return false;
+        const std::optional<double> number = parse_number(word[0]);
+        if (!number) return false;
+        out[used++] = *number;
+        text.remove_prefix(static_cast<std::size_t>(word[0].data() - text.data()) + word[0].size());
+    }
+    return split_words(text, {}) == 0;
+}
+
+std::optional<std::int64_t> read_integer(std::string_view text) {
+    constexpr double kLargestExact = 9e15; // about 2^53
+    const std::optional<double> number = parse_number(text);
+    if (!number || std::abs(*number) > kLargestExact) return std::nullopt;
+    return static_cast<std::int64_t>(*number);
+}
+
+void unify_line_breaks(std::string_view& text, std::string& storage) {
+    if (text.find('\r') == std::string_view::npos || text.find('\n') != std::string_view::npos) return;
+    storage = text;
+    std::ranges::replace(storage, '\r', '\n');
+    text = storage;
 }
 
 std::string shown(std::string_view text) {

@@ -114,7 +114,10 @@ typedef struct kiln_material {
     uint32_t width, height;            /* texels, for texture coordinates */
 } kiln_material;
 
-enum { KILN_FACE_DRAWN = 1, KILN_FACE_SKY = 2, KILN_FACE_TWO_SIDED = 4, KILN_FACE_BLOCKS_LIGHT = 8 };
+/* A curved face (a displacement, a patch) is a grid of triangles in many planes: its normal and tangents are those on
+ * the whole, its plane is that of its base side (of a patch: none of its own), its texture axes and its chart's axes hold
+ * nowhere exactly. kiln_level_curve_corners says what holds at the corners of its triangles. */
+enum { KILN_FACE_DRAWN = 1, KILN_FACE_SKY = 2, KILN_FACE_TWO_SIDED = 4, KILN_FACE_BLOCKS_LIGHT = 8, KILN_FACE_CURVED = 16 };
 typedef struct kiln_face {
     uint32_t material, model, plane;
     uint32_t chart, probe;                    /* KILN_NO_INDEX: none */
@@ -124,7 +127,8 @@ typedef struct kiln_face {
     double u_axis[3], v_axis[3], u_scale, v_scale, u_shift, v_shift; /* texel = dot(x, axis) / scale + shift */
 } kiln_face;
 typedef struct kiln_chart { /* a luxel grid; texel (i,j) is centred at luxel coordinate (i + .5, j + .5) */
-    double origin[3], s[3], t[3]; /* luxel coordinates of x: dot(x - origin, s) / luxel_size, the same with t */
+    double origin[3], s[3], t[3]; /* luxel coordinates of x: dot(x - origin, s) / luxel_size, the same with t;
+                                     not of curved faces */
     float luxel_size;             /* map units */
     uint32_t width, height;       /* texels, gutter included */
     uint32_t directional;         /* 1: three layers; 0: irradiance for the flat normal only */
@@ -133,6 +137,32 @@ typedef struct kiln_chart { /* a luxel grid; texel (i,j) is centred at luxel coo
     float tangent[3], bitangent[3], normal[3]; /* RNM frame */
     float error;                  /* estimated relative error of the bake, 0: unknown */
 } kiln_chart;
+
+typedef struct kiln_curve_corner { /* of a triangle of a curved face; linear in between */
+    float luxel[2];                /* luxel coordinates in the face's chart */
+    float uv[2];                   /* texture coordinates (1 = one repetition, v down) */
+    float alpha;                   /* 0..1, of a displacement's blend */
+} kiln_curve_corner;
+/* A displacement: (2^power + 1)^2 vertices, row by row from the base corner 0; in a row towards base corner 1, rows
+ * towards base corner 3 (counter-clockwise seen from the front). Quad (row, column) is two triangles; the diagonal joins
+ * the corners whose row + column is even. Neighbours share border vertices to the last bit where they are as fine; a
+ * finer one has further vertices on the edges of the coarser one. Its brush is not among the brushes: this grid is what
+ * things collide with. */
+typedef struct kiln_displacement {
+    uint32_t face;                  /* KILN_NO_INDEX: not drawn */
+    uint32_t model, material, plane; /* plane: of the base side */
+    uint32_t power;                 /* 2..4 */
+    uint32_t flags;                 /* of the map: 2 no physics, 4 no hull collision, 8 no ray collision */
+    double base[12];                /* four corners */
+    uint32_t first_vertex, vertex_count; /* into kiln_level_displacement_vertices */
+    uint32_t first_blend, blend_count;   /* into kiln_level_displacement_blends; as many as vertices or none */
+    uint32_t first_tag, tag_count;       /* into kiln_level_displacement_tags; 2 * 4^power or none */
+} kiln_displacement;
+typedef struct kiln_curved_patch { /* columns * rows vertices, row by row; cross(along a row, from row to row): front */
+    uint32_t face;                 /* KILN_NO_INDEX: not drawn */
+    uint32_t model, material, columns, rows;
+    uint32_t first_vertex, vertex_count; /* into kiln_level_patch_vertices */
+} kiln_curved_patch;
 
 const kiln_plane* kiln_level_planes(const kiln_level* level, size_t* count);
 const kiln_node* kiln_level_nodes(const kiln_level* level, size_t* count);
@@ -152,6 +182,53 @@ const float* kiln_level_positions(const kiln_level* level, size_t* vertex_count)
 const uint32_t* kiln_level_triangles(const kiln_level* level, size_t* triangle_count);
 const float* kiln_level_corner_normals(const kiln_level* level, size_t* triangle_count); /* nine floats each */
 
+/* ---- What the game does with space: area portals, occluders, water. Each NULL and 0 where the level has none. */
+
+typedef struct kiln_area_portal { /* one func_areaportal brush */
+    int32_t entity;
+    uint32_t brush;
+    uint32_t area[2];                  /* ascending; equal or 0: it parts no two areas and is to be treated as open */
+    uint32_t first_point, point_count; /* into kiln_level_area_portal_points: convex, counter-clockwise seen from area[0] */
+} kiln_area_portal;
+typedef struct kiln_occluder { /* one func_occluder: what lies behind one of its polygons is hidden */
+    int32_t entity;
+    uint32_t area; /* that holds it; 0: none, or several */
+    uint32_t first_polygon, polygon_count;
+} kiln_occluder;
+typedef struct kiln_occluder_polygon { /* convex, counter-clockwise seen from its front: from there it hides what lies behind */
+    uint32_t first_point, point_count;
+} kiln_occluder_polygon;
+typedef struct kiln_water { /* liquid that hangs together under one surface */
+    uint32_t contents;       /* 4 water, 5 slime, 6 lava */
+    float surface_z, min_z;
+    uint32_t has_surface;    /* 0: it fills its room; surface_z is its highest point */
+    uint32_t material;       /* of the surface; KILN_NO_INDEX: none */
+} kiln_water;
+const kiln_area_portal* kiln_level_area_portals(const kiln_level* level, size_t* count);
+const float* kiln_level_area_portal_points(const kiln_level* level, size_t* point_count); /* three floats each */
+const kiln_occluder* kiln_level_occluders(const kiln_level* level, size_t* count);
+const kiln_occluder_polygon* kiln_level_occluder_polygons(const kiln_level* level, size_t* count);
+const float* kiln_level_occluder_points(const kiln_level* level, size_t* point_count);
+const kiln_water* kiln_level_waters(const kiln_level* level, size_t* count);
+const uint32_t* kiln_level_leaf_waters(const kiln_level* level, size_t* leaf_count); /* per leaf; KILN_NO_INDEX: dry */
+/* Per brush, what it stops: 1 players, 2 NPCs, 4 bullets, 8 sight. NULL in levels of older compilers. */
+enum { KILN_BLOCKS_PLAYERS = 1, KILN_BLOCKS_NPCS = 2, KILN_BLOCKS_BULLETS = 4, KILN_BLOCKS_SIGHT = 8 };
+const uint8_t* kiln_level_brush_blocks(const kiln_level* level, size_t* count);
+/* Per face, 1: shadows of moving things do not fall on it. NULL: on no face so. */
+const uint8_t* kiln_level_face_no_dynamic_shadow(const kiln_level* level, size_t* count);
+/* Displacements and patches; NULL with a count of 0 where the level has none. */
+const kiln_displacement* kiln_level_displacements(const kiln_level* level, size_t* count);
+const float* kiln_level_displacement_vertices(const kiln_level* level, size_t* count);  /* x y z alpha each */
+const float* kiln_level_displacement_blends(const kiln_level* level, size_t* count);    /* four weights each */
+const uint16_t* kiln_level_displacement_tags(const kiln_level* level, size_t* count);
+const kiln_curved_patch* kiln_level_curved_patches(const kiln_level* level, size_t* count);
+const float* kiln_level_patch_vertices(const kiln_level* level, size_t* count); /* x y z u v each */
+/* Corners of the triangles of a curved face, three each; NULL: the face is not curved, or they are missing. */
+const kiln_curve_corner* kiln_level_curve_corners(const kiln_level* level, uint32_t face, size_t* triangle_count);
+/* Which triangle of a face a point lies on, with the weights of its corners (they sum to 1): of a curved face the
+ * nearest one (all are looked at), else the one it is least outside of. KILN_NO_INDEX: none has area. */
+uint32_t kiln_level_triangle_at(const kiln_level* level, uint32_t face, const double point[3], double weights[3]);
+
 /* Which leaf holds a point (on a plane: the front one); KILN_NO_INDEX where there is no tree. */
 uint32_t kiln_level_find_leaf(const kiln_level* level, const double point[3]);
 /* One bit a cluster, 64 a word; NULL for clusters that are none. The row stays valid until close. */
@@ -167,6 +244,88 @@ kiln_status kiln_level_shading_normal(const kiln_level* level, uint32_t face, co
 /* Tangent frame (t, b, n) of a face around a shading normal: Gram-Schmidt of the face's own, mirroring kept. */
 kiln_status kiln_level_tangent_frame(const kiln_level* level, uint32_t face, const float shading_normal[3],
                                      float t[3], float b[3], float n[3]);
+/* The same at a point: on curved faces the tangents are those of the triangle there, along its texture coordinates. */
+kiln_status kiln_level_tangent_frame_at(const kiln_level* level, uint32_t face, const double point[3],
+                                        const float shading_normal[3], float t[3], float b[3], float n[3]);
+
+/* ---- Collision -------------------------------------------------------------------------------------------- */
+
+/* What a brush lacks, beside its own planes, for boxes to be swept against it: planes that touch it in a corner or along
+ * an edge. Every own plane and bevel moved outwards by the reach of a box, sum of |normal[k]| * half size [k], bounds
+ * exactly the places where the box meets the brush. Axial ones come first, in the order -x +x -y +y -z +z; with the brush's
+ * own there is one each way. Then those of edges. NULL where there are none (a box) or the level has none. */
+typedef struct kiln_bevel {
+    double normal[3]; /* unit */
+    double distance;  /* dot(normal, x) <= distance on all of the brush */
+} kiln_bevel;
+const kiln_bevel* kiln_level_brush_bevels(const kiln_level* level, uint32_t brush, size_t* count);
+
+/* What a trace looks for: the brushes of some contents and, where any KILN_FOR_ bit is set, of those only the ones that
+ * stop one of these (kiln_level_brush_blocks; of levels without, what their contents usually stop). */
+enum {
+    KILN_CONTENTS_SOLID = 1 << 1,
+    KILN_CONTENTS_DETAIL = 1 << 2, /* solid that does not seal */
+    KILN_CONTENTS_WINDOW = 1 << 3,
+    KILN_CONTENTS_WATER = 1 << 4,
+    KILN_CONTENTS_SLIME = 1 << 5,
+    KILN_CONTENTS_LAVA = 1 << 6,
+    KILN_CONTENTS_AREA_PORTAL = 1 << 7,
+    KILN_CONTENTS_HINT = 1 << 8,
+    KILN_CONTENTS_CLIP = 1 << 9,
+    KILN_CONTENTS_TRIGGER = 1 << 10,
+    KILN_CONTENTS_GRATE = 1 << 11,
+
+    KILN_FOR_PLAYERS = 1 << 24, /* KILN_BLOCKS_PLAYERS << 24 */
+    KILN_FOR_NPCS = 1 << 25,
+    KILN_FOR_BULLETS = 1 << 26,
+    KILN_FOR_SIGHT = 1 << 27,
+
+    KILN_MASK_LIQUID = KILN_CONTENTS_WATER | KILN_CONTENTS_SLIME | KILN_CONTENTS_LAVA,
+    KILN_MASK_HARD = KILN_CONTENTS_SOLID | KILN_CONTENTS_DETAIL | KILN_CONTENTS_WINDOW | KILN_CONTENTS_GRATE | KILN_CONTENTS_CLIP,
+    KILN_MASK_PLAYERS = KILN_MASK_HARD | KILN_FOR_PLAYERS,
+    KILN_MASK_NPCS = KILN_MASK_HARD | KILN_FOR_NPCS,
+    KILN_MASK_BULLETS = KILN_MASK_HARD | KILN_FOR_BULLETS,
+    KILN_MASK_SIGHT = KILN_MASK_HARD | KILN_FOR_SIGHT
+};
+
+/* A box that stops keeps this far from the plane it met, map units, or where it was if that was nearer. */
+#define KILN_TRACE_DISTANCE 0.03125
+
+typedef struct kiln_trace {
+    double fraction;      /* of the way that is free: 0..1; 1: nothing is in the way */
+    double end[3];        /* start + fraction * (end - start); exactly `end` where fraction is 1, `start` where it is 0 */
+    double normal[3];     /* of the plane that stopped it, unit, away from the brush; zeros where none did */
+    double distance;      /* of that plane of the brush (not moved by the box): dot(normal, x) = distance */
+    uint32_t contents;    /* KILN_CONTENTS_ bit of `brush`; 0: none */
+    uint32_t brush;       /* that stopped it, else one it started in; KILN_NO_INDEX: none */
+    uint32_t side;        /* the own plane of the brush, into kiln_level_brush_planes; KILN_NO_INDEX: a bevel, or none */
+    uint32_t start_solid; /* 1: it starts inside a brush. The trace lets it out and stops at others */
+    uint32_t all_solid;   /* 1: it starts and ends inside one brush; fraction is 0 */
+} kiln_trace;
+
+/* Moves the box [x + mins, x + maxs], x from `start` to `end`, through the world. A ray is a box of no size.
+ *
+ * It stops before the first brush in its way, KILN_TRACE_DISTANCE from the plane met, measured along that plane's
+ * normal; boxes that pass a brush without coming nearer than half of that are not stopped by it, so that sliding along a
+ * surface, as a box does after its motion was clipped to `normal`, goes on however many steps it takes. Neither tunnels:
+ * the whole way is swept, whatever its length. Of brushes met at once the lowest counts.
+ * Placed by hand, a box may touch a brush, or reach 1/1024 of a unit into it: it may slide along or leave, and is stopped
+ * at once where it moves closer.
+ *
+ * KILN_BAD_ARGUMENT: a coordinate beyond +-2^24 or not a number, mins > maxs. KILN_MISSING: the level has no bevels (it
+ * was written before there were any) and the box has a size. */
+kiln_status kiln_trace_box(const kiln_level* level, const double start[3], const double end[3], const double mins[3],
+                           const double maxs[3], uint32_t mask, kiln_trace* trace);
+/* The same against the brushes of one model alone, moved to `origin` (zeros: where it was drawn; 0: the world's
+ * model, without its tree). Models do not turn: take start, end and box into the model's space where one has turned, as far as
+ * a ray or a ball allow. Brushes of triggers are looked for with KILN_CONTENTS_TRIGGER. */
+kiln_status kiln_trace_model(const kiln_level* level, uint32_t model, const double origin[3], const double start[3],
+                             const double end[3], const double mins[3], const double maxs[3], uint32_t mask,
+                             kiln_trace* trace);
+/* KILN_CONTENTS_ bits of all brushes of the world that hold the point, faces included; 0: air, or the void. */
+kiln_status kiln_point_contents(const kiln_level* level, const double point[3], uint32_t* contents);
+kiln_status kiln_model_point_contents(const kiln_level* level, uint32_t model, const double origin[3],
+                                      const double point[3], uint32_t* contents);
 
 /* ---- Light on surfaces: irradiance E; a diffuse surface shows albedo / pi * E ------------------------------- */
 
@@ -198,6 +357,10 @@ kiln_status kiln_level_eval_rnm_local(const kiln_level* level, uint32_t face, co
 /* The same at luxel coordinates of a chart. */
 kiln_status kiln_level_eval_rnm_luxel(const kiln_level* level, uint32_t chart, double s, double t,
                                       const float local_normal[3], float rgb[3]);
+/* Irradiance for the flat normal at luxel coordinates of a chart. */
+kiln_status kiln_level_eval_flat_luxel(const kiln_level* level, uint32_t chart, double s, double t, float rgb[3]);
+/* Luxel coordinates of a point on a face. KILN_NONE: the face has no lightmap. */
+kiln_status kiln_level_luxel_at(const kiln_level* level, uint32_t face, const double point[3], double st[2]);
 /* The formula alone: three stored vectors and a unit normal in the tangent frame. */
 void kiln_rnm_formula(kiln_rnm_encoding encoding, const float stored[3][3], const float local_normal[3],
                       float rgb[3]);
@@ -288,6 +451,8 @@ typedef struct kiln_source { int32_t entity, brush, side, line; } kiln_source; /
 kiln_status kiln_level_face_source(const kiln_level* level, uint32_t face, kiln_source* source);
 kiln_status kiln_level_brush_source(const kiln_level* level, uint32_t brush, kiln_source* source);
 kiln_status kiln_level_brush_side_source(const kiln_level* level, uint32_t brush_plane, int32_t* side);
+kiln_status kiln_level_displacement_source(const kiln_level* level, uint32_t displacement, kiln_source* source);
+kiln_status kiln_level_patch_source(const kiln_level* level, uint32_t patch, kiln_source* source); /* brush: its id */
 kiln_status kiln_level_entity_source(const kiln_level* level, uint32_t entity, kiln_source* source);
 kiln_status kiln_level_light_source(const kiln_level* level, uint32_t light, kiln_source* source);
 

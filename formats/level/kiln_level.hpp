@@ -53,6 +53,15 @@ public:
     std::span<const float> positions() const { return rows(kiln_level_positions, 3); }
     std::span<const std::uint32_t> triangles() const { return rows(kiln_level_triangles, 3); }
     std::span<const float> corner_normals() const { return rows(kiln_level_corner_normals, 9); }
+    std::span<const kiln_area_portal> area_portals() const { return rows(kiln_level_area_portals); }
+    std::span<const float> area_portal_points() const { return rows(kiln_level_area_portal_points, 3); }
+    std::span<const kiln_occluder> occluders() const { return rows(kiln_level_occluders); }
+    std::span<const kiln_occluder_polygon> occluder_polygons() const { return rows(kiln_level_occluder_polygons); }
+    std::span<const float> occluder_points() const { return rows(kiln_level_occluder_points, 3); }
+    std::span<const kiln_water> waters() const { return rows(kiln_level_waters); }
+    std::span<const std::uint32_t> leaf_waters() const { return rows(kiln_level_leaf_waters); }
+    std::span<const std::uint8_t> brush_blocks() const { return rows(kiln_level_brush_blocks); }
+    std::span<const std::uint8_t> face_no_dynamic_shadow() const { return rows(kiln_level_face_no_dynamic_shadow); }
     std::span<const kiln_light> lights() const { return rows(kiln_level_lights); }
     std::span<const kiln_cube> cubes() const { return rows(kiln_level_cubes); }
     std::span<const kiln_cube_cell> cube_cells() const { return rows(kiln_level_cube_cells); }

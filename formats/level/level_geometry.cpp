@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // C interface: tables, tree, visibility, entities, provenance.
 #include "formats/level/level_state.h"
+#include <algorithm>
 #include <cmath>
 
 using namespace kiln::level;
@@ -27,6 +28,54 @@ bool normalize3(double v[3]) {
     return true;
 }
 
+// (t, b, n) with n the shading normal, t the tangent made orthogonal to it, b mirrored as asked.
+void frame_around(const double normal[3], const double tangent[3], bool mirrored, const float shading_normal[3], float t[3], float b[3],
+                  float n[3]) {
+    double nn[3] = {shading_normal[0], shading_normal[1], shading_normal[2]};
+    if (!normalize3(nn)) std::copy(normal, normal + 3, nn);
+    double tt[3], bb[3];
+    const double along = dot3(nn, tangent);
+    for (int k = 0; k < 3; ++k) tt[k] = tangent[k] - along * nn[k];
+    if (!normalize3(tt)) { // the tangent stands on the surface: any direction in it
+        const double other[3] = {std::abs(nn[0]) < 0.5 ? 1.0 : 0.0, std::abs(nn[0]) < 0.5 ? 0.0 : 1.0, 0};
+        cross3(other, nn, tt);
+        normalize3(tt);
+    }
+    cross3(nn, tt, bb);
+    for (int k = 0; k < 3; ++k) {
+        t[k] = static_cast<float>(tt[k]);
+        b[k] = static_cast<float>(mirrored ? -bb[k] : bb[k]);
+        n[k] = static_cast<float>(nn[k]);
+    }
+}
+
+double squared_distance(const double corner[3][3], const double point[3], const double w[3]) {
+    double sum = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+        const double d = corner[0][k] * w[0] + corner[1][k] * w[1] + corner[2][k] * w[2] - point[k];
+        sum += d * d;
+    }
+    return sum;
+}
+// Of a point whose foot is outside the triangle: weights of the nearest point of its border; the squared distance.
+double nearest_weights(const double corner[3][3], const double point[3], double w[3]) {
+    double best = 1e300;
+    for (std::size_t c = 0; c < 3; ++c) {
+        const std::size_t d = (c + 1) % 3;
+        double along = 0, length = 0;
+        for (std::size_t k = 0; k < 3; ++k) {
+            const double e = corner[d][k] - corner[c][k];
+            along += e * (point[k] - corner[c][k]), length += e * e;
+        }
+        const double t = length > 0 ? std::clamp(along / length, 0.0, 1.0) : 0;
+        double at[3] = {};
+        at[c] = 1 - t, at[d] = t;
+        const double off = squared_distance(corner, point, at);
+        if (off < best) best = off, std::copy(at, at + 3, w);
+    }
+    return best;
+}
+
 } // namespace
 
 extern "C" {
@@ -51,11 +100,51 @@ KILN_ROWS(kiln_cube, cubes, cubes, Cubes, cubes)
 KILN_ROWS(kiln_cube_cell, cube_cells, cubes, Cubes, cells)
 KILN_ROWS(uint32_t, cube_lights, cubes, Cubes, lights)
 KILN_ROWS(kiln_probe, probes, probes, ProbeTable, rows)
+KILN_ROWS(kiln_area_portal, area_portals, area_portals, AreaPortals, rows)
+KILN_ROWS(kiln_occluder, occluders, occluders, Occluders, rows)
+KILN_ROWS(kiln_occluder_polygon, occluder_polygons, occluders, Occluders, polygons)
+KILN_ROWS(kiln_water, waters, waters, Waters, rows)
+KILN_ROWS(uint32_t, leaf_waters, waters, Waters, of_leaf)
+KILN_ROWS(uint8_t, brush_blocks, brush_blocks, BrushBlocks, bits)
+KILN_ROWS(uint8_t, face_no_dynamic_shadow, face_shadows, FaceShadows, bits)
+KILN_ROWS(kiln_displacement, displacements, displacements, Displacements, rows)
+KILN_ROWS(uint16_t, displacement_tags, displacements, Displacements, tags)
+KILN_ROWS(kiln_curved_patch, curved_patches, curved_patches, CurvedPatches, rows)
 #undef KILN_ROWS
+
+const float* kiln_level_area_portal_points(const kiln_level* level, size_t* count) {
+    const auto* points = rows_or_null(member(level ? level->get_area_portals() : nullptr, &AreaPortals::points), count);
+    return points ? points->xyz : nullptr;
+}
+const float* kiln_level_occluder_points(const kiln_level* level, size_t* count) {
+    const auto* points = rows_or_null(member(level ? level->get_occluders() : nullptr, &Occluders::points), count);
+    return points ? points->xyz : nullptr;
+}
 
 const float* kiln_level_portal_points(const kiln_level* level, size_t* count) {
     const auto* points = rows_or_null(member(level ? level->get_portals() : nullptr, &Portals::points), count);
     return points ? points->xyz : nullptr;
+}
+const float* kiln_level_displacement_vertices(const kiln_level* level, size_t* count) {
+    const auto* rows = rows_or_null(member(level ? level->get_displacements() : nullptr, &Displacements::vertices), count);
+    return rows ? rows->xyz_alpha : nullptr;
+}
+const float* kiln_level_displacement_blends(const kiln_level* level, size_t* count) {
+    const auto* rows = rows_or_null(member(level ? level->get_displacements() : nullptr, &Displacements::blends), count);
+    return rows ? rows->weight : nullptr;
+}
+const float* kiln_level_patch_vertices(const kiln_level* level, size_t* count) {
+    const auto* rows = rows_or_null(member(level ? level->get_curved_patches() : nullptr, &CurvedPatches::vertices), count);
+    return rows ? rows->xyz_uv : nullptr;
+}
+const kiln_curve_corner* kiln_level_curve_corners(const kiln_level* level, uint32_t face, size_t* triangle_count) {
+    if (triangle_count) *triangle_count = 0;
+    const Faces* faces = level && face < level->info.faces ? level->get_faces() : nullptr;
+    if (!faces || !(faces->rows[face].flags & KILN_FACE_CURVED) || faces->rows[face].triangle_count == 0) return nullptr;
+    const CurveCorners* corners = level->get_curve_corners();
+    if (!corners) return nullptr;
+    if (triangle_count) *triangle_count = faces->rows[face].triangle_count;
+    return &corners->rows[corners->first[face]];
 }
 const int32_t* kiln_level_grid_positions(const kiln_level* level, size_t* count) {
     return rows_or_null(member(level ? level->get_mesh() : nullptr, &Mesh::grid), count, 3);
@@ -133,6 +222,16 @@ kiln_status kiln_level_texture_uv(const kiln_level* level, uint32_t face, const 
     if (!materials) return level->fault_of(fourcc("MATL"));
     const kiln_face& f = faces->rows[face];
     const kiln_material& m = materials->rows[f.material];
+    if (f.flags & KILN_FACE_CURVED) {
+        double w[3];
+        const std::uint32_t triangle = kiln_level_triangle_at(level, face, point, w);
+        if (triangle == KILN_NO_INDEX) return level->get_mesh() ? KILN_NONE : level->fault_of(fourcc("MESH"));
+        const kiln_curve_corner* corners = kiln_level_curve_corners(level, face, nullptr);
+        if (!corners) return level->fault_of(fourcc("CRNR"));
+        corners += std::size_t{3} * (triangle - f.first_triangle);
+        for (int k = 0; k < 2; ++k) uv[k] = w[0] * corners[0].uv[k] + w[1] * corners[1].uv[k] + w[2] * corners[2].uv[k];
+        return KILN_OK;
+    }
     const auto coordinate = [&](const double* axis, double scale, double shift, std::uint32_t size) {
         return (dot3(point, axis) / (scale != 0 ? scale : 1) + shift) / (size ? size : 1);
     };
@@ -141,18 +240,15 @@ kiln_status kiln_level_texture_uv(const kiln_level* level, uint32_t face, const 
     return KILN_OK;
 }
 
-kiln_status kiln_level_shading_normal(const kiln_level* level, uint32_t face, const double point[3], float normal[3]) {
-    if (!level || !point || !normal || face >= level->info.faces) return KILN_BAD_ARGUMENT;
+uint32_t kiln_level_triangle_at(const kiln_level* level, uint32_t face, const double point[3], double weights[3]) {
+    if (!level || !point || !weights || face >= level->info.faces) return KILN_NO_INDEX;
     const Faces* faces = level->get_faces();
-    if (!faces) return level->fault_of(fourcc("FACE"));
     const Mesh* mesh = level->get_mesh();
-    if (!mesh) return level->fault_of(fourcc("MESH"));
-    const std::vector<float>* normals = level->get_normals();
-    if (!normals) return level->fault_of(fourcc("NRML"));
+    if (!faces || !mesh) return KILN_NO_INDEX;
     const kiln_face& f = faces->rows[face];
-    // The triangle the point lies in, or lies least outside of.
-    double best = -1e300, weight[3] = {1, 0, 0};
-    std::size_t triangle = SIZE_MAX;
+    const bool curved = (f.flags & KILN_FACE_CURVED) != 0;
+    double best = 1e300; // flat: how far outside in weights; curved: squared distance
+    std::uint32_t triangle = KILN_NO_INDEX;
     for (std::uint32_t i = 0; i < f.triangle_count; ++i) {
         const std::size_t t = std::size_t{f.first_triangle} + i;
         double corner[3][3], edge[2][3], n[3];
@@ -172,15 +268,30 @@ kiln_status kiln_level_shading_normal(const kiln_level* level, uint32_t face, co
             cross3(a, b, x);
             w[c] = dot3(x, n) / area;
         }
-        const double least = std::min(w[0], std::min(w[1], w[2]));
-        if (least > best) best = least, triangle = t, std::copy(w, w + 3, weight);
+        double off = -std::min(w[0], std::min(w[1], w[2]));
+        if (curved && off > 0) off = nearest_weights(corner, point, w);
+        else if (curved) off = squared_distance(corner, point, w);
+        if (off < best) best = off, triangle = static_cast<std::uint32_t>(t), std::copy(w, w + 3, weights);
     }
+    return triangle;
+}
+
+kiln_status kiln_level_shading_normal(const kiln_level* level, uint32_t face, const double point[3], float normal[3]) {
+    if (!level || !point || !normal || face >= level->info.faces) return KILN_BAD_ARGUMENT;
+    const Faces* faces = level->get_faces();
+    if (!faces) return level->fault_of(fourcc("FACE"));
+    if (!level->get_mesh()) return level->fault_of(fourcc("MESH"));
+    const std::vector<float>* normals = level->get_normals();
+    if (!normals) return level->fault_of(fourcc("NRML"));
+    const kiln_face& f = faces->rows[face];
+    double weight[3] = {1, 0, 0};
+    const std::uint32_t triangle = kiln_level_triangle_at(level, face, point, weight);
     double n[3] = {f.normal[0], f.normal[1], f.normal[2]};
-    if (triangle != SIZE_MAX) {
+    if (triangle != KILN_NO_INDEX) {
         double sum[3] = {};
         for (std::size_t c = 0; c < 3; ++c)
             for (std::size_t k = 0; k < 3; ++k)
-                sum[k] += std::max(0.0, weight[c]) * (*normals)[9 * triangle + 3 * c + k];
+                sum[k] += std::max(0.0, weight[c]) * (*normals)[std::size_t{9} * triangle + 3 * c + k];
         if (normalize3(sum)) std::copy(sum, sum + 3, n);
     }
     for (int k = 0; k < 3; ++k) normal[k] = static_cast<float>(n[k]);
@@ -193,25 +304,45 @@ kiln_status kiln_level_tangent_frame(const kiln_level* level, uint32_t face, con
     const Faces* faces = level->get_faces();
     if (!faces) return level->fault_of(fourcc("FACE"));
     const kiln_face& f = faces->rows[face];
-    double nn[3] = {shading_normal[0], shading_normal[1], shading_normal[2]};
-    double ft[3] = {f.tangent[0], f.tangent[1], f.tangent[2]}, fn[3] = {f.normal[0], f.normal[1], f.normal[2]};
-    if (!normalize3(nn)) std::copy(fn, fn + 3, nn);
-    double hand[3], tt[3], bb[3];
+    const double ft[3] = {f.tangent[0], f.tangent[1], f.tangent[2]}, fn[3] = {f.normal[0], f.normal[1], f.normal[2]};
+    double hand[3];
     cross3(fn, ft, hand);
-    const bool mirrored = dot3(hand, f.bitangent) < 0;
-    const double along = dot3(nn, ft);
-    for (int k = 0; k < 3; ++k) tt[k] = ft[k] - along * nn[k];
-    if (!normalize3(tt)) { // the tangent stands on the surface: any direction in it
-        const double other[3] = {std::abs(nn[0]) < 0.5 ? 1.0 : 0.0, std::abs(nn[0]) < 0.5 ? 0.0 : 1.0, 0};
-        cross3(other, nn, tt);
-        normalize3(tt);
+    frame_around(fn, ft, dot3(hand, f.bitangent) < 0, shading_normal, t, b, n);
+    return KILN_OK;
+}
+
+kiln_status kiln_level_tangent_frame_at(const kiln_level* level, uint32_t face, const double point[3], const float shading_normal[3],
+                                        float t[3], float b[3], float n[3]) {
+    if (!level || !point || face >= level->info.faces) return KILN_BAD_ARGUMENT;
+    const kiln_status status = kiln_level_tangent_frame(level, face, shading_normal, t, b, n);
+    if (status != KILN_OK || !(level->get_faces()->rows[face].flags & KILN_FACE_CURVED)) return status;
+    double w[3];
+    const std::uint32_t triangle = kiln_level_triangle_at(level, face, point, w);
+    std::size_t count = 0;
+    const kiln_curve_corner* corners = kiln_level_curve_corners(level, face, &count);
+    const Mesh* mesh = level->get_mesh();
+    if (!mesh) return level->fault_of(fourcc("MESH"));
+    if (!corners) return level->fault_of(fourcc("CRNR"));
+    if (triangle == KILN_NO_INDEX) return status;
+    const kiln_curve_corner* c = corners + std::size_t{3} * (triangle - level->get_faces()->rows[face].first_triangle);
+    // Directions in which the texture coordinates grow: of the two edges' dual vectors.
+    double e[2][3], up[3], along[2][3];
+    for (std::size_t i = 0; i < 2; ++i)
+        for (std::size_t k = 0; k < 3; ++k)
+            e[i][k] = mesh->positions[mesh->triangles[std::size_t{3} * triangle + i + 1] * std::size_t{3} + k] -
+                      mesh->positions[mesh->triangles[std::size_t{3} * triangle] * std::size_t{3} + k];
+    cross3(e[0], e[1], up);
+    double d0[3], d1[3];
+    cross3(e[1], up, d0), cross3(up, e[0], d1);
+    for (std::size_t j = 0; j < 2; ++j) {
+        const double a = c[1].uv[j] - c[0].uv[j], z = c[2].uv[j] - c[0].uv[j];
+        for (std::size_t k = 0; k < 3; ++k) along[j][k] = d0[k] * a + d1[k] * z;
     }
-    cross3(nn, tt, bb);
-    for (int k = 0; k < 3; ++k) {
-        t[k] = static_cast<float>(tt[k]);
-        b[k] = static_cast<float>(mirrored ? -bb[k] : bb[k]);
-        n[k] = static_cast<float>(nn[k]);
-    }
+    double turn[3];
+    cross3(along[0], along[1], turn);
+    const double handed = dot3(turn, up);
+    if (!normalize3(up) || !normalize3(along[0]) || handed == 0) return status; // the picture has no extent there
+    frame_around(up, along[0], handed < 0, shading_normal, t, b, n);
     return KILN_OK;
 }
 
@@ -259,6 +390,19 @@ KILN_SOURCE(brush, brushes)
 KILN_SOURCE(entity, entities)
 KILN_SOURCE(light, lights)
 #undef KILN_SOURCE
+
+#define KILN_CURVE_SOURCE(function, list)                                                                          \
+    kiln_status kiln_level_##function##_source(const kiln_level* level, uint32_t i, kiln_source* source) {         \
+        if (!level || !source) return KILN_BAD_ARGUMENT;                                                           \
+        const CurveSources* table = level->get_curve_sources();                                                    \
+        if (!table) return level->fault_of(fourcc("PRVC"));                                                        \
+        if (i >= table->list.size()) return KILN_BAD_ARGUMENT;                                                     \
+        *source = table->list[i];                                                                                  \
+        return KILN_OK;                                                                                            \
+    }
+KILN_CURVE_SOURCE(displacement, displacements)
+KILN_CURVE_SOURCE(patch, patches)
+#undef KILN_CURVE_SOURCE
 
 kiln_status kiln_level_brush_side_source(const kiln_level* level, uint32_t i, int32_t* side) {
     if (!level || !side) return KILN_BAD_ARGUMENT;

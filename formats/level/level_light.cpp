@@ -82,6 +82,17 @@ kiln_status luxel_of(const kiln_level& level, std::uint32_t face, const double p
     *chart = faces->rows[face].chart;
     if (*chart == KILN_NO_INDEX) return KILN_NONE;
     const kiln_chart& c = charts->rows[*chart];
+    if (const kiln_face& f = faces->rows[face]; f.flags & KILN_FACE_CURVED) {
+        double w[3];
+        const std::uint32_t triangle = kiln_level_triangle_at(&level, face, point, w);
+        if (triangle == KILN_NO_INDEX) return level.get_mesh() ? KILN_NONE : level.fault_of(fourcc("MESH"));
+        const kiln_curve_corner* corners = kiln_level_curve_corners(&level, face, nullptr);
+        if (!corners) return level.fault_of(fourcc("CRNR"));
+        corners += std::size_t{3} * (triangle - f.first_triangle);
+        *s = w[0] * corners[0].luxel[0] + w[1] * corners[1].luxel[0] + w[2] * corners[2].luxel[0];
+        *t = w[0] * corners[0].luxel[1] + w[1] * corners[1].luxel[1] + w[2] * corners[2].luxel[1];
+        return KILN_OK;
+    }
     const double from[3] = {point[0] - c.origin[0], point[1] - c.origin[1], point[2] - c.origin[2]};
     *s = dot3(from, c.s) / c.luxel_size, *t = dot3(from, c.t) / c.luxel_size;
     return KILN_OK;
@@ -270,10 +281,19 @@ kiln_status kiln_level_eval_flat(const kiln_level* level, uint32_t face, const d
     std::uint32_t chart = 0;
     double s = 0, t = 0;
     if (const kiln_status status = luxel_of(*level, face, point, &chart, &s, &t); status != KILN_OK) return status;
+    return kiln_level_eval_flat_luxel(level, chart, s, t, rgb);
+}
+kiln_status kiln_level_eval_flat_luxel(const kiln_level* level, uint32_t chart, double s, double t, float rgb[3]) {
+    if (!level || !rgb) return KILN_BAD_ARGUMENT;
     Stored stored;
     if (const kiln_status status = stored_at(*level, chart, s, t, &stored); status != KILN_OK) return status;
     flat_of(level->info.rnm_encoding, stored, rgb);
     return KILN_OK;
+}
+kiln_status kiln_level_luxel_at(const kiln_level* level, uint32_t face, const double point[3], double st[2]) {
+    if (!level || !point || !st) return KILN_BAD_ARGUMENT;
+    std::uint32_t chart = 0;
+    return luxel_of(*level, face, point, &chart, &st[0], &st[1]);
 }
 kiln_status kiln_level_eval_rnm_luxel(const kiln_level* level, uint32_t chart, double s, double t,
                                       const float local_normal[3], float rgb[3]) {
@@ -301,7 +321,7 @@ kiln_status kiln_level_eval_rnm(const kiln_level* level, uint32_t face, const do
         float shading[3];
         if (const kiln_status status = kiln_level_shading_normal(level, face, point, shading); status != KILN_OK)
             return status;
-        kiln_level_tangent_frame(level, face, shading, frame[0], frame[1], frame[2]);
+        kiln_level_tangent_frame_at(level, face, point, shading, frame[0], frame[1], frame[2]);
     }
     float local[3];
     for (int i = 0; i < 3; ++i) local[i] = static_cast<float>(dot3(world_normal, frame[i]));

@@ -131,7 +131,32 @@ KILN_TABLE(ProbeTable, probes, "PROB")
 KILN_TABLE(Entities, entities, "ENTS")
 KILN_TABLE(Provenance, provenance, "PROV")
 KILN_TABLE(Materials, materials, "MATL")
+KILN_TABLE(Bevels, bevels, "BEVL")
+KILN_TABLE(AreaPortals, area_portals, "AREA")
+KILN_TABLE(Occluders, occluders, "OCCL")
+KILN_TABLE(Waters, waters, "WATR")
+KILN_TABLE(BrushBlocks, brush_blocks, "BBLK")
+KILN_TABLE(FaceShadows, face_shadows, "FSHD")
+KILN_TABLE(Displacements, displacements, "DISP")
+KILN_TABLE(CurvedPatches, curved_patches, "CURV")
+KILN_TABLE(CurveSources, curve_sources, "PRVC")
 #undef KILN_TABLE
+
+const CurveCorners* kiln_level::get_curve_corners() const {
+    return curve_corners.get([&](CurveCorners& table) {
+        const Faces* owners = get_faces();
+        if (!owners) throw Failure{faces.status(), faces.what()};
+        load(*this, fourcc("CRNR"), table);
+        table.first.assign(owners->rows.size(), KILN_NO_INDEX);
+        std::uint64_t next = 0;
+        for (std::size_t f = 0; f < owners->rows.size(); ++f) {
+            if (!(owners->rows[f].flags & KILN_FACE_CURVED)) continue;
+            table.first[f] = static_cast<std::uint32_t>(std::min<std::uint64_t>(next, KILN_NO_INDEX));
+            next += std::uint64_t{3} * owners->rows[f].triangle_count;
+        }
+        require(next == table.rows.size(), "curved faces have another number of corners than there are");
+    });
+}
 
 const std::string* kiln_level::get_meta() const {
     return meta.get([&](std::string& text) {
@@ -149,6 +174,10 @@ const Cubes* kiln_level::get_cubes() const {
         table.halfs = {};
         table.tree.nodes = table.nodes.data(), table.tree.node_count = table.nodes.size();
     });
+}
+
+const Collision* kiln_level::get_collision() const {
+    return collision.get([&](Collision& out) { out = make_collision(*this); });
 }
 
 const Visibility* kiln_level::get_visibility() const {
@@ -361,6 +390,16 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("PROB"): return tell(level->probes, level->get_probes());
         case fourcc("ENTS"): return tell(level->entities, level->get_entities());
         case fourcc("PROV"): return tell(level->provenance, level->get_provenance());
+        case fourcc("BEVL"): return tell(level->bevels, level->get_bevels());
+        case fourcc("AREA"): return tell(level->area_portals, level->get_area_portals());
+        case fourcc("OCCL"): return tell(level->occluders, level->get_occluders());
+        case fourcc("WATR"): return tell(level->waters, level->get_waters());
+        case fourcc("BBLK"): return tell(level->brush_blocks, level->get_brush_blocks());
+        case fourcc("FSHD"): return tell(level->face_shadows, level->get_face_shadows());
+        case fourcc("CRNR"): return tell(level->curve_corners, level->get_curve_corners());
+        case fourcc("DISP"): return tell(level->displacements, level->get_displacements());
+        case fourcc("CURV"): return tell(level->curved_patches, level->get_curved_patches());
+        case fourcc("PRVC"): return tell(level->curve_sources, level->get_curve_sources());
         default: break;
         }
     }

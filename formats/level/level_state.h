@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What an open level is inside: the directory, and each part decoded at its first use, once. Private.
 #pragma once
+#include "formats/level/collision.h"
 #include "formats/level/mesh_codec.h"
 #include "formats/level/tables.h"
 #include <map>
@@ -86,6 +87,17 @@ struct kiln_level {
     mutable Lazy<kiln::level::ProbeTable> probes;
     mutable Lazy<kiln::level::Entities> entities;
     mutable Lazy<kiln::level::Provenance> provenance;
+    mutable Lazy<kiln::level::Bevels> bevels;
+    mutable Lazy<kiln::level::Collision> collision; // made of planes, brushes, bevels, nodes and leaves
+    mutable Lazy<kiln::level::AreaPortals> area_portals;
+    mutable Lazy<kiln::level::Occluders> occluders;
+    mutable Lazy<kiln::level::Waters> waters;
+    mutable Lazy<kiln::level::BrushBlocks> brush_blocks;
+    mutable Lazy<kiln::level::FaceShadows> face_shadows;
+    mutable Lazy<kiln::level::CurveCorners> curve_corners;
+    mutable Lazy<kiln::level::Displacements> displacements;
+    mutable Lazy<kiln::level::CurvedPatches> curved_patches;
+    mutable Lazy<kiln::level::CurveSources> curve_sources;
     std::unique_ptr<Lazy<kiln::level::Blob>[]> blobs; // per entry: LMPG, LMQA, PRBT
 
     // Null where the part is missing or damaged.
@@ -107,6 +119,17 @@ struct kiln_level {
     const kiln::level::ProbeTable* get_probes() const;
     const kiln::level::Entities* get_entities() const;
     const kiln::level::Provenance* get_provenance() const;
+    const kiln::level::Bevels* get_bevels() const;
+    const kiln::level::Collision* get_collision() const;
+    const kiln::level::AreaPortals* get_area_portals() const;
+    const kiln::level::Occluders* get_occluders() const;
+    const kiln::level::Waters* get_waters() const;
+    const kiln::level::BrushBlocks* get_brush_blocks() const;
+    const kiln::level::FaceShadows* get_face_shadows() const;
+    const kiln::level::CurveCorners* get_curve_corners() const;
+    const kiln::level::Displacements* get_displacements() const;
+    const kiln::level::CurvedPatches* get_curved_patches() const;
+    const kiln::level::CurveSources* get_curve_sources() const;
     const kiln::level::Blob* get_page(std::uint32_t page) const;    // run-time texels
     const kiln::level::Blob* get_quality(std::uint32_t page) const; // validity, then error codes
     const kiln::level::Blob* get_probe(std::uint32_t probe) const;

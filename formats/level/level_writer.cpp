@@ -192,6 +192,18 @@ Brushes brushes_of(const LevelContent& content) {
     }
     return out;
 }
+Bevels bevels_of(const LevelContent& content) {
+    Bevels out;
+    for (const Brush& b : content.brushes) {
+        out.rows.push_back({count(out.bevels.size()), count(b.bevels.size())});
+        for (const Bevel& from : b.bevels) {
+            kiln_bevel k{};
+            copy_tidy(k.normal, from.normal), k.distance = from.distance + 0.0;
+            out.bevels.push_back(k);
+        }
+    }
+    return out;
+}
 Materials materials_of(const LevelContent& content) {
     Materials out;
     for (const MaterialInfo& m : content.materials) {
@@ -269,6 +281,76 @@ Provenance provenance_of(const LevelContent& content) {
     return out;
 }
 
+// ---- Areas, occluders, water, bits
+
+template <class Row> std::uint32_t add_points(std::vector<Row>& points, const std::vector<Float3>& polygon) {
+    for (const Float3& p : polygon) points.push_back({{p[0], p[1], p[2]}});
+    return count(polygon.size());
+}
+AreaPortals area_portals_of(const LevelContent& content) {
+    AreaPortals out;
+    for (const AreaPortalInfo& p : content.area_portals) {
+        kiln_area_portal k{};
+        k.entity = p.entity, k.brush = p.brush;
+        copy(k.area, p.area);
+        k.point_count = add_points(out.points, p.polygon);
+        out.rows.push_back(k);
+    }
+    return out;
+}
+Occluders occluders_of(const LevelContent& content) {
+    Occluders out;
+    for (const OccluderInfo& o : content.occluders) {
+        out.rows.push_back({o.entity, o.area, 0, count(o.polygons.size())});
+        for (const auto& polygon : o.polygons) out.polygons.push_back({0, add_points(out.points, polygon)});
+    }
+    return out;
+}
+Waters waters_of(const LevelContent& content) {
+    Waters out;
+    for (const WaterInfo& w : content.waters) out.rows.push_back({w.contents, w.surface_z, w.min_z, w.has_surface, w.material});
+    out.of_leaf = content.leaf_water;
+    return out;
+}
+
+// ---- Displacements, patches
+
+Displacements displacements_of(const LevelContent& content) {
+    Displacements out;
+    for (const Displacement& d : content.displacements) {
+        if (d.alphas.size() != d.positions.size()) throw std::invalid_argument("a displacement has no alpha for each vertex");
+        kiln_displacement k{};
+        k.face = d.face, k.model = d.model, k.material = d.material, k.plane = d.plane, k.power = d.power, k.flags = d.flags;
+        for (std::size_t i = 0; i < 12; ++i) k.base[i] = d.base[i / 3][i % 3] + 0.0;
+        k.vertex_count = count(d.positions.size()), k.blend_count = count(d.multiblend.size()), k.tag_count = count(d.triangle_tags.size());
+        for (std::size_t i = 0; i < d.positions.size(); ++i)
+            out.vertices.push_back({{d.positions[i][0], d.positions[i][1], d.positions[i][2], d.alphas[i]}});
+        for (const auto& b : d.multiblend) out.blends.push_back({{b[0], b[1], b[2], b[3]}});
+        out.tags.insert(out.tags.end(), d.triangle_tags.begin(), d.triangle_tags.end());
+        out.rows.push_back(k);
+    }
+    return out;
+}
+CurvedPatches curved_patches_of(const LevelContent& content) {
+    CurvedPatches out;
+    for (const CurvedPatch& p : content.patches) {
+        if (p.uv.size() != p.positions.size()) throw std::invalid_argument("a patch has no texture coordinates for each vertex");
+        kiln_curved_patch k{};
+        k.face = p.face, k.model = p.model, k.material = p.material, k.columns = p.columns, k.rows = p.rows;
+        k.vertex_count = count(p.positions.size());
+        for (std::size_t i = 0; i < p.positions.size(); ++i)
+            out.vertices.push_back({{p.positions[i][0], p.positions[i][1], p.positions[i][2], p.uv[i][0], p.uv[i][1]}});
+        out.rows.push_back(k);
+    }
+    return out;
+}
+CurveSources curve_sources_of(const LevelContent& content) {
+    CurveSources out;
+    for (const Displacement& d : content.displacements) out.displacements.push_back({d.source_entity, d.source_brush, d.source_side, d.source_line});
+    for (const CurvedPatch& p : content.patches) out.patches.push_back({p.source_entity, p.source_patch, -1, p.source_line});
+    return out;
+}
+
 // ---- Mesh
 
 // The finest grid allowed, or the coarsest on which every position already lies: fewer bits, fewer bytes.
@@ -297,6 +379,7 @@ struct MeshTables {
     std::uint32_t degenerate = 0;
     Faces faces;
     Put normals; // NRML
+    CurveCorners corners;
 };
 
 MeshTables mesh_of(const LevelContent& content, std::uint32_t bits) {
@@ -313,7 +396,7 @@ MeshTables mesh_of(const LevelContent& content, std::uint32_t bits) {
     std::map<std::array<std::int32_t, 3>, std::uint32_t> number; // vertices weld where the grid makes them one
     std::vector<std::uint8_t> smooth;                            // per face: normals are stored
     std::vector<std::array<std::int16_t, 2>> octs;
-    std::size_t next = 0;
+    std::size_t next = 0, next_curved = 0;
     for (std::size_t f = 0; f < content.faces.size(); ++f) {
         const FaceInfo& face = content.faces[f];
         if (face.triangle_count && face.first_triangle != next)
@@ -324,7 +407,8 @@ MeshTables mesh_of(const LevelContent& content, std::uint32_t bits) {
         k.material = face.material, k.model = face.model, k.plane = face.plane, k.chart = face.chart;
         k.probe = face.probe;
         for (const auto& [set, flag] : {std::pair{face.drawn, KILN_FACE_DRAWN}, {face.sky, KILN_FACE_SKY},
-                                        {face.two_sided, KILN_FACE_TWO_SIDED}, {face.blocks_light, KILN_FACE_BLOCKS_LIGHT}})
+                                        {face.two_sided, KILN_FACE_TWO_SIDED}, {face.blocks_light, KILN_FACE_BLOCKS_LIGHT},
+                                        {face.curved, KILN_FACE_CURVED}})
             if (set) k.flags |= static_cast<std::uint32_t>(flag);
         copy(k.tangent, face.tangent), copy(k.bitangent, face.bitangent), copy(k.normal, face.normal);
         copy(k.u_axis, face.u_axis), copy(k.v_axis, face.v_axis);
@@ -334,6 +418,11 @@ MeshTables mesh_of(const LevelContent& content, std::uint32_t bits) {
         bool is_smooth = false;
         for (std::size_t t = next - face.triangle_count; t < next; ++t) {
             const auto& from = content.triangles[t];
+            const std::array<CurveCorner, 3>* corners = nullptr;
+            if (face.curved) {
+                if (next_curved >= content.curve_corners.size()) throw std::invalid_argument("a curved triangle has no corners");
+                corners = &content.curve_corners[next_curved++];
+            }
             for (const std::uint32_t v : from)
                 if (v >= grid.size()) throw std::invalid_argument("a triangle names a vertex that is not there");
             if (grid[from[0]] == grid[from[1]] || grid[from[1]] == grid[from[2]] || grid[from[2]] == grid[from[0]]) {
@@ -348,6 +437,9 @@ MeshTables mesh_of(const LevelContent& content, std::uint32_t bits) {
                 octs.push_back(oct_from_normal(content.corner_normals[t][c]));
                 is_smooth = is_smooth || octs.back() != flat;
             }
+            if (corners)
+                for (const CurveCorner& c : *corners)
+                    out.corners.rows.push_back({{c.luxel[0], c.luxel[1]}, {c.uv[0], c.uv[1]}, c.alpha});
             out.mesh.triangles.push_back(to);
             ++k.triangle_count;
         }
@@ -356,6 +448,7 @@ MeshTables mesh_of(const LevelContent& content, std::uint32_t bits) {
         out.faces.rows.push_back(k);
     }
     if (next != content.triangles.size()) throw std::invalid_argument("triangles that no face owns");
+    if (next_curved != content.curve_corners.size()) throw std::invalid_argument("corners that no curved face owns");
     out.normals.column(smooth, smooth.size());
     for (std::size_t k = 0; k < 2; ++k)
         out.normals.planes<std::int16_t>(octs.size(), [&](std::size_t i) { return octs[i][k]; });
@@ -441,6 +534,9 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     file.add("FACE", lump(mesh.faces, info));
     file.add("MESH", encode_mesh(mesh.mesh));
     file.add("NRML", mesh.normals.bytes);
+    if (!mesh.corners.rows.empty()) file.add("CRNR", lump(mesh.corners, info));
+    if (!content.displacements.empty()) file.add("DISP", lump(displacements_of(content), info));
+    if (!content.patches.empty()) file.add("CURV", lump(curved_patches_of(content), info));
     file.add("CHRT", lump(Charts{lightmaps.charts, lightmaps.pages}, info));
     for (std::uint32_t p = 0; p < info.pages; ++p) {
         const PageInfo& page = lightmaps.pages[p];
@@ -475,7 +571,19 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     file.add("PROB", lump(probes, info));
     for (std::uint32_t i = 0; i < info.probes; ++i) file.add("PRBT", std::move(probe_blobs[i]), i);
     file.add("ENTS", lump(entities_of(content), info));
+    file.add("BEVL", lump(bevels_of(content), info));
     if (!options.strip) file.add("PROV", lump(provenance_of(content), info));
+    if (!content.area_portals.empty()) file.add("AREA", lump(area_portals_of(content), info));
+    if (!content.occluders.empty()) file.add("OCCL", lump(occluders_of(content), info));
+    if (!content.waters.empty()) file.add("WATR", lump(waters_of(content), info));
+    BrushBlocks blocks;
+    for (const Brush& b : content.brushes) blocks.bits.push_back(b.blocks);
+    if (!blocks.bits.empty()) file.add("BBLK", lump(blocks, info));
+    FaceShadows shadows;
+    for (const FaceInfo& f : content.faces) shadows.bits.push_back(f.no_dynamic_shadow);
+    if (std::ranges::find(shadows.bits, 1) != shadows.bits.end()) file.add("FSHD", lump(shadows, info));
+    if (!options.strip && content.displacements.size() + content.patches.size() > 0)
+        file.add("PRVC", lump(curve_sources_of(content), info));
     return file.finish();
 }
 

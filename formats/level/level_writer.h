@@ -41,12 +41,18 @@ struct Portal {
     std::uint32_t plane = 0;
     std::vector<Float3> winding;
 };
+struct Bevel { // supports a brush: dot(normal, x) <= distance on all of it
+    Double3 normal{};
+    double distance = 0;
+};
 struct Brush { // inside = behind all planes
     std::uint32_t model = 0;
     std::uint8_t contents = 0;
     std::vector<std::uint32_t> planes;
     std::int32_t source_entity = -1, source_id = -1, source_line = 0;
     std::vector<std::int32_t> source_sides; // parallel to planes
+    std::vector<Bevel> bevels;              // what it lacks for swept boxes: axial ones -x +x -y +y -z +z, then those of edges
+    std::uint8_t blocks = 15; // 1 players, 2 NPCs, 4 bullets, 8 sight
 };
 struct MaterialInfo {
     std::string name, albedo_map, normal_map;
@@ -61,7 +67,9 @@ struct FaceInfo {
     Float3 tangent{}, bitangent{}, normal{};
     Double3 u_axis{}, v_axis{}; // texel = dot(x, axis) / scale + shift
     double u_scale = 1, v_scale = 1, u_shift = 0, v_shift = 0;
+    bool curved = false; // its triangles lie in many planes; their corners are in LevelContent::curve_corners
     std::int32_t source_entity = -1, source_brush = -1, source_side = -1, source_line = 0;
+    bool no_dynamic_shadow = false;
 };
 struct ChartInfo {
     Double3 origin{}, s{}, t{};
@@ -114,6 +122,44 @@ struct EntityInfo {
     std::vector<std::pair<std::string, std::string>> keys;
     std::int32_t model = -1, source_id = -1, source_line = 0;
 };
+struct AreaPortalInfo {
+    std::int32_t entity = -1;
+    std::uint32_t brush = 0;
+    std::array<std::uint32_t, 2> area{}; // ascending
+    std::vector<Float3> polygon;         // counter-clockwise seen from area[0]
+};
+struct OccluderInfo {
+    std::int32_t entity = -1;
+    std::uint32_t area = 0;
+    std::vector<std::vector<Float3>> polygons;
+};
+struct WaterInfo {
+    std::uint8_t contents = 4;
+    float surface_z = 0, min_z = 0;
+    bool has_surface = true;
+    std::uint32_t material = UINT32_MAX;
+};
+
+struct CurveCorner { // of a triangle of a curved face
+    std::array<float, 2> luxel{}, uv{}; // luxel coordinates in the face's chart; repeats of the texture, v down
+    float alpha = 0;                    // 0..1
+};
+struct Displacement { // (2^power + 1)^2 vertices, row by row
+    std::uint32_t face = UINT32_MAX, model = 0, material = 0, plane = 0; // plane: of the base side
+    std::uint32_t power = 2, flags = 0;                                  // flags: 2 no physics, 4 no hull, 8 no ray collision
+    std::array<Double3, 4> base{};                                       // corners; vertex 0 is over the first, rows run towards the second
+    std::vector<Float3> positions;
+    std::vector<float> alphas;                      // 0..1; as many
+    std::vector<std::array<float, 4>> multiblend;   // as many, or none
+    std::vector<std::uint16_t> triangle_tags;       // 2 * 4^power, or none
+    std::int32_t source_entity = -1, source_brush = -1, source_side = -1, source_line = 0;
+};
+struct CurvedPatch { // columns * rows vertices, row by row
+    std::uint32_t face = UINT32_MAX, model = 0, material = 0, columns = 0, rows = 0;
+    std::vector<Float3> positions;
+    std::vector<std::array<float, 2>> uv;
+    std::int32_t source_entity = -1, source_patch = -1, source_line = 0;
+};
 
 struct LevelContent {
     std::string source_name, compiler_version, options_json, input_hash, error_json; // no times, no paths
@@ -132,6 +178,9 @@ struct LevelContent {
     std::vector<std::array<std::uint32_t, 3>> triangles; // grouped by face
     std::vector<std::array<Float3, 3>> corner_normals;
     std::vector<FaceInfo> faces;
+    std::vector<std::array<CurveCorner, 3>> curve_corners; // of the triangles of curved faces, in their order
+    std::vector<Displacement> displacements;
+    std::vector<CurvedPatch> patches;
     std::vector<ChartInfo> charts;
     std::vector<std::uint32_t> chart_first_texel; // into flat, valid, texel_error
     std::vector<Float3> flat;                     // per texel
@@ -143,6 +192,10 @@ struct LevelContent {
     CubeGrid cubes;
     std::vector<ProbeInfo> probes;
     std::vector<EntityInfo> entities;
+    std::vector<AreaPortalInfo> area_portals;
+    std::vector<OccluderInfo> occluders;
+    std::vector<WaterInfo> waters;
+    std::vector<std::uint32_t> leaf_water; // per leaf, UINT32_MAX: dry; may be empty where there is no water
 };
 
 struct WriteOptions {

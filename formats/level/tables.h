@@ -227,6 +227,159 @@ struct Faces {
     }
 };
 
+// ---- Areas, occluders, water; what brushes and faces are besides. Lumps of their own, there only if they say something.
+
+struct Point3 { float xyz[3]; };
+
+struct AreaPortals {
+    std::vector<kiln_area_portal> rows;
+    std::vector<Point3> points;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        using P = kiln_area_portal;
+        std::uint32_t n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        io.rows(rows, n, &P::entity, &P::brush, &P::area, &P::point_count);
+        io.rows(points, prefix(rows, &P::first_point, &P::point_count), &Point3::xyz);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_area_portal& p : rows) {
+            require(p.entity >= 0 && static_cast<std::uint32_t>(p.entity) < info.entities, "an area portal names an entity that is not there");
+            require_index(p.brush, info.brushes, "an area portal names a brush that is not there");
+            require(p.area[0] <= p.area[1] && p.area[1] <= info.leaves, "an area portal has impossible areas");
+        }
+    }
+};
+
+struct Occluders {
+    std::vector<kiln_occluder> rows;
+    std::vector<kiln_occluder_polygon> polygons;
+    std::vector<Point3> points;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        using O = kiln_occluder;
+        using P = kiln_occluder_polygon;
+        std::uint32_t n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        io.rows(rows, n, &O::entity, &O::area, &O::polygon_count);
+        io.rows(polygons, prefix(rows, &O::first_polygon, &O::polygon_count), &P::point_count);
+        io.rows(points, prefix(polygons, &P::first_point, &P::point_count), &Point3::xyz);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_occluder& o : rows) {
+            require(o.entity >= 0 && static_cast<std::uint32_t>(o.entity) < info.entities, "an occluder names an entity that is not there");
+            require(o.area <= info.leaves, "an occluder has an impossible area");
+        }
+        for (const kiln_occluder_polygon& p : polygons) require(p.point_count >= 3, "an occluder's polygon has no area");
+    }
+};
+
+struct Waters {
+    std::vector<kiln_water> rows;
+    std::vector<std::uint32_t> of_leaf;
+    template <class Io> void io(Io& io, const kiln_info& info, bool) {
+        using W = kiln_water;
+        std::uint32_t n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        io.rows(rows, n, &W::contents, &W::surface_z, &W::min_z, &W::has_surface, &W::material);
+        io.column(of_leaf, info.leaves);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_water& w : rows) {
+            require(w.has_surface <= 1, "a water volume has an impossible surface");
+            require_optional(w.material, info.materials, "a water volume names a material that is not there");
+        }
+        for (const std::uint32_t w : of_leaf)
+            require(w == KILN_NO_INDEX || w < rows.size(), "a leaf names a water volume that is not there");
+    }
+};
+
+struct BrushBlocks {
+    std::vector<std::uint8_t> bits;
+    template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(bits, info.brushes); }
+};
+struct FaceShadows {
+    std::vector<std::uint8_t> bits; // 1: no dynamic shadows
+    template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(bits, info.faces); }
+};
+
+// ---- Curves. These lumps are only there where a level has what they hold; they state their own counts.
+
+struct CurveCorners { // of all triangles of faces with KILN_FACE_CURVED, in order
+    std::vector<kiln_curve_corner> rows;
+    std::vector<std::uint32_t> first; // per face, from the reader: first corner; KILN_NO_INDEX
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        auto n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        using C = kiln_curve_corner;
+        io.rows(rows, n, &C::luxel, &C::uv, &C::alpha);
+    }
+    void check(const kiln_info&) const {}
+};
+
+constexpr std::uint32_t displacement_vertices(std::uint32_t power) { return ((1u << power) + 1) * ((1u << power) + 1); }
+struct Displacements {
+    struct Vertex { float xyz_alpha[4]; };
+    struct Blend { float weight[4]; };
+    std::vector<kiln_displacement> rows;
+    std::vector<Vertex> vertices;
+    std::vector<Blend> blends;
+    std::vector<std::uint16_t> tags;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        auto n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        using D = kiln_displacement;
+        io.rows(rows, n, &D::face, &D::model, &D::material, &D::plane, &D::power, &D::flags, &D::base, &D::vertex_count,
+                &D::blend_count, &D::tag_count);
+        io.rows(vertices, prefix(rows, &D::first_vertex, &D::vertex_count), &Vertex::xyz_alpha);
+        io.rows(blends, prefix(rows, &D::first_blend, &D::blend_count), &Blend::weight);
+        io.column(tags, prefix(rows, &D::first_tag, &D::tag_count));
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_displacement& d : rows) {
+            require_optional(d.face, info.faces, "a displacement names a face that is not there");
+            require_index(d.model, info.models, "a displacement names a model that is not there");
+            require_index(d.material, info.materials, "a displacement names a material that is not there");
+            require_index(d.plane, info.planes, "a displacement names a plane that is not there");
+            require(d.power >= 2 && d.power <= 4, "impossible power of a displacement");
+            require(d.vertex_count == displacement_vertices(d.power), "a displacement has another number of vertices than its power says");
+            require(d.blend_count == 0 || d.blend_count == d.vertex_count, "a displacement has another number of weights than of vertices");
+            require(d.tag_count == 0 || d.tag_count == 2u << (2 * d.power), "a displacement has another number of tags than of triangles");
+        }
+    }
+};
+
+struct CurvedPatches {
+    struct Vertex { float xyz_uv[5]; };
+    std::vector<kiln_curved_patch> rows;
+    std::vector<Vertex> vertices;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        auto n = static_cast<std::uint32_t>(rows.size());
+        io.scalar(n);
+        using P = kiln_curved_patch;
+        io.rows(rows, n, &P::face, &P::model, &P::material, &P::columns, &P::rows, &P::vertex_count);
+        io.rows(vertices, prefix(rows, &P::first_vertex, &P::vertex_count), &Vertex::xyz_uv);
+    }
+    void check(const kiln_info& info) const {
+        for (const kiln_curved_patch& p : rows) {
+            require_optional(p.face, info.faces, "a patch names a face that is not there");
+            require_index(p.model, info.models, "a patch names a model that is not there");
+            require_index(p.material, info.materials, "a patch names a material that is not there");
+            require(std::uint64_t{p.columns} * p.rows == p.vertex_count, "a patch has another number of vertices than its size says");
+        }
+    }
+};
+struct CurveSources { // provenance
+    std::vector<kiln_source> displacements, patches;
+    template <class Io> void io(Io& io, const kiln_info&, bool) {
+        using S = kiln_source;
+        auto d = static_cast<std::uint32_t>(displacements.size()), p = static_cast<std::uint32_t>(patches.size());
+        io.scalar(d), io.scalar(p);
+        io.rows(displacements, d, &S::entity, &S::brush, &S::side, &S::line);
+        io.rows(patches, p, &S::entity, &S::brush, &S::line);
+        for (S& s : patches) s.side = -1;
+    }
+    void check(const kiln_info&) const {}
+};
+
 // ---- Lightmaps
 
 struct PageInfo { std::uint32_t width, height, layers, format; float scale; };
@@ -345,6 +498,25 @@ struct ProbeTable {
         for (const kiln_probe& p : rows)
             require(p.size > 0 && p.size <= kMaxProbeSize && p.mips > 0 && p.mips <= 13 && (p.size >> (p.mips - 1)) > 0,
                     "impossible size of a cubemap");
+    }
+};
+
+// ---- Collision
+
+// Kept apart from the brushes' own planes: readers that know of none still read those.
+struct Bevels {
+    struct Range { std::uint32_t first, count; };
+    std::vector<Range> rows; // per brush
+    std::vector<kiln_bevel> bevels;
+    template <class Io> void io(Io& io, const kiln_info& info, bool) {
+        io.rows(rows, info.brushes, &Range::count);
+        io.rows(bevels, prefix(rows, &Range::first, &Range::count), &kiln_bevel::normal, &kiln_bevel::distance);
+    }
+    void check(const kiln_info&) const {
+        for (const kiln_bevel& b : bevels) {
+            const double square = b.normal[0] * b.normal[0] + b.normal[1] * b.normal[1] + b.normal[2] * b.normal[2];
+            require(square > 0.999 && square < 1.001 && b.distance > -1e300 && b.distance < 1e300, "a bevel is no plane");
+        }
     }
 };
 

@@ -22,22 +22,23 @@ constexpr Named kSourceTools[] = {
     {"skip", kSkip},
     {"hint", kHint},
     {"clip", kClip},
-    {"playerclip", kClip},
-    {"npcclip", kClip},
-    {"controlclip", kClip},
-    {"grenadeclip", kClip},
-    {"droneclip", kClip},
+    {"playerclip", kClip | kStopsPlayers},
+    {"npcclip", kClip | kStopsNpcs},
+    {"controlclip", kTrigger}, // of vehicles, grenades and drones: volumes for the game, which stop nobody else
+    {"grenadeclip", kTrigger},
+    {"droneclip", kTrigger},
     {"trigger", kTrigger},
     {"origin", kOrigin},
     {"areaportal", kAreaPortal},
     {"blocklight", kLightBlocker},
     {"block_light", kLightBlocker},
-    {"invisible", kInvisible}, // and invisibleladder, invisiblemetal
+    {"invisible", kInvisible}, // and invisibleladder, invisiblemetal: bullets pass
     {"invisdisplacement", kInvisible},
-    {"blockbullets", kInvisible},
-    {"blockbomb", kClip},
-    {"block_los", kClip},
-    {"blocksight", kClip},
+    {"blockbullets", kInvisible | kStopsPlayers | kStopsNpcs | kStopsBullets}, // despite its name: all but sight
+    {"blockbomb", kTrigger},
+    {"block_los", kClip | kStopsSight},
+    {"blocklos", kClip | kStopsSight},
+    {"blocksight", kClip | kStopsSight},
     {"black", kNoLight},
     {"white", kNoLight},
     {"fog", kTrigger},
@@ -73,16 +74,18 @@ constexpr Named kQuakeTools[] = {
     {"contentwater", kWater | kNoDraw},
     {"contentsky", kSky},
     {"areaportal", kAreaPortal},
-    {"weapclip", kClip},
-    {"playerclip", kClip},
-    {"full_clip", kClip},
-    {"fullclip", kClip},
-    {"botclip", kClip},
-    {"monsterclip", kClip},
-    {"missileclip", kClip},
-    {"missilclip", kClip},
-    {"metalclip", kClip},
-    {"clip_mon", kClip},
+    {"weapclip", kClip | kStopsPlayers | kStopsNpcs | kStopsBullets}, // Quake 3: a clip that shots hit too
+    {"playerclip", kClip | kStopsPlayers},
+    {"full_clip", kClip | kStopsPlayers | kStopsNpcs | kStopsBullets},
+    {"fullclip", kClip | kStopsPlayers | kStopsNpcs | kStopsBullets},
+    {"botclip", kClip | kStopsNpcs},
+    {"monsterclip", kClip | kStopsNpcs},
+    {"missileclip", kClip | kStopsBullets},
+    {"missilclip", kClip | kStopsBullets},
+    {"metalclip", kClip | kStopsPlayers},
+    {"clip_mon", kClip | kStopsNpcs},
+    {"region", kTrigger},
+    {"antiregion", kTrigger},
     {"clusterportal", kTrigger},
     {"donotenter", kTrigger},
     {"antiportal", kTrigger},
@@ -141,7 +144,7 @@ std::optional<ImpliedMaterial> implied_by_name(std::string_view spelled) {
     }
     if (slash == std::string_view::npos) {
         if (name.starts_with("sky")) return ImpliedMaterial{kSky, std::nullopt};
-        if (first == '{') return ImpliedMaterial{kTranslucent, std::nullopt}; // alpha-tested
+        if (first == '{') return ImpliedMaterial{kAlphaTested, std::nullopt};
         return std::nullopt;
     }
 
@@ -159,7 +162,7 @@ std::optional<ImpliedMaterial> implied_by_name(std::string_view spelled) {
         return ImpliedMaterial{kWater | kNoLight, std::nullopt};
     if (folder == "nature" && (has_stem(base, "slime") || has_stem(base, "toxicslime")))
         return ImpliedMaterial{kWater | kSlime | kNoLight, std::nullopt};
-    if (first == '{') return ImpliedMaterial{kTranslucent, std::nullopt};
+    if (first == '{') return ImpliedMaterial{kAlphaTested, std::nullopt};
     return std::nullopt;
 }
 

@@ -33,6 +33,12 @@ enum MaterialFlag : std::uint32_t {
     kTwoSided = 1u << 15,
     kLava = 1u << 16, // with kWater: which liquid
     kSlime = 1u << 17,
+    kAlphaTested = 1u << 18, // grate: drawn with holes, seen through, seals nothing
+    // With kClip or kInvisible: what exactly is stopped. None of them: players and NPCs.
+    kStopsPlayers = 1u << 19,
+    kStopsNpcs = 1u << 20,
+    kStopsBullets = 1u << 21,
+    kStopsSight = 1u << 22, // of NPCs
 };
 
 struct Material {

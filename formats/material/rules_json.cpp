@@ -37,6 +37,12 @@ constexpr FlagName kFlags[] = {
     {"two_sided", kTwoSided},
     {"area_portal", kAreaPortal},
     {"no_draw", kNoDraw},
+    {"alpha_tested", kAlphaTested},
+    {"alpha_test", kAlphaTested},
+    {"stops_players", kClip | kStopsPlayers},
+    {"stops_npcs", kClip | kStopsNpcs},
+    {"stops_bullets", kClip | kStopsBullets},
+    {"stops_sight", kClip | kStopsSight},
 };
 
 int line_of_byte(std::string_view text, std::size_t byte) {

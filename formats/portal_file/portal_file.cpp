@@ -192,7 +192,10 @@ std::string write_pts(std::span<const Vec3> path, double spacing) {
     return out;
 }
 
-std::string write_lin(std::span<const Vec3> path) { return write_pts(path, 0); }
+std::string write_lin(std::span<const Vec3> path) {
+    const std::vector<Vec3> inwards(path.rbegin(), path.rend());
+    return write_pts(inwards, 0);
+}
 
 Result<std::vector<Vec3>> read_trail(std::span<const std::uint8_t> bytes, const std::string& file) {
     Tokens tokens(bytes);

@@ -32,8 +32,8 @@ Result<PortalFile> read_portal_file(std::span<const std::uint8_t> bytes, const s
 // PRT1, or PRT2 where leaf_cluster is given.
 std::string write_portal_file(const PortalFile& file);
 
-// Leak trails. Quake's engines draw a dot at each point, so .pts gets points at most `spacing` map units apart;
-// editors join them by lines either way. .lin has the corners alone. Both start at the entity.
+// Leak trails, from the entity to the void. Quake's engines draw a dot at each point, so .pts gets points at most
+// `spacing` map units apart; editors join them by lines either way. .lin has the corners alone, the void's end first.
 std::string write_pts(std::span<const Vec3> path, double spacing = 4);
 std::string write_lin(std::span<const Vec3> path);
 Result<std::vector<Vec3>> read_trail(std::span<const std::uint8_t> bytes, const std::string& file);

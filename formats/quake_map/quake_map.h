@@ -1,7 +1,7 @@
 // Reader of Quake-family map text (.map): standard and Valve 220 rows, decided row by row, with or without the
-// three integers (contents, flags, value) of Quake 2/3. patchDef2, brushDef and brushDef3 primitives are
-// skipped with a located note each (and one warning of them all from the world stage). Grammar and decisions:
-// FORMAT.md.
+// three integers (contents, flags, value) of Quake 2/3; QuArK's texture comments; brushDef, brushDef2, brushDef3,
+// patchDef2 and patchDef3. Other primitives are skipped with a located note or warning each kind. Grammar and
+// decisions: FORMAT.md.
 #pragma once
 #include "formats/document/document.h"
 #include "libs/core/context.h"

@@ -1,6 +1,7 @@
-// One row of a brush: three points, a texture name, a projection. Private to the reader.
+// One row of a brush: its plane, a texture name, a projection. Private to the reader.
 #pragma once
 #include "formats/document/document.h"
+#include "formats/quake_map/projection.h"
 #include "formats/quake_map/scanner.h"
 #include "libs/core/context.h"
 
@@ -12,8 +13,11 @@ enum class RowFormat { standard, valve220 };
 // or at its line's end).
 bool read_row(Scanner& scanner, DocSide& side, RowFormat& format, const SourceLocation& where, Context& context);
 
-// Axes of the classic projection: the texture is laid along the axis plane nearest to the side's plane, then
-// turned by `rotation_deg` in it.
-void project_standard(DocTexture& texture, Vec3 normal, double rotation_deg);
+// A row of brushDef (three points) or brushDef3 (`by_equation`: four numbers, relative to `origin`).
+bool read_primitive_row(Scanner& scanner, DocSide& side, bool by_equation, Vec3 origin, const SourceLocation& where, Context& context);
+
+// After the opening brace of patchDef2 or patchDef3 (`fixed`: with numbers of subdivisions), up to what follows the
+// points. False: it cannot be used (reported); the scanner stands somewhere inside.
+bool read_patch(Scanner& scanner, DocPatch& patch, bool fixed, const SourceLocation& where, Context& context);
 
 } // namespace kiln::quake

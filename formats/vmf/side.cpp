@@ -1,35 +1,15 @@
 #include "formats/vmf/side.h"
 #include "formats/document/side_text.h"
+#include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
 
 namespace kiln::vmf {
 namespace {
 
-// Words of "(x y z) (x y z) (x y z)" or "[x y z shift] scale": brackets separate as white space does, so that
-// ")(" and "]1" are read too.
-std::vector<std::string_view> words(std::string_view text) {
-    const auto separates = [](char c) {
-        return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '(' || c == ')' || c == '[' || c == ']';
-    };
-    std::vector<std::string_view> out;
-    out.reserve(9);
-    for (std::size_t at = 0; at < text.size();) {
-        if (separates(text[at])) {
-            ++at;
-            continue;
-        }
-        std::size_t end = at;
-        while (end < text.size() && !separates(text[end])) ++end;
-        out.push_back(text.substr(at, end - at));
-        at = end;
-    }
-    return out;
-}
-
 bool set_plane(DocSide& side, std::string_view value, const SourceLocation& where, Context& context) {
-    const std::vector<std::string_view> w = words(value);
-    if (w.size() != 9) {
+    std::array<std::string_view, 9> w;
+    if (split_words(value, w) != w.size()) {
         context.report(
             Severity::error, "plane-unreadable",
             fmt::format("the plane '{}' is not three points of three numbers; the brush is left out", shown(value)),
@@ -43,15 +23,9 @@ bool set_plane(DocSide& side, std::string_view value, const SourceLocation& wher
 
 void set_axis(Vec3& axis, double& shift, double& scale, std::string_view value, const SourceLocation& where,
               Context& context) {
-    const std::vector<std::string_view> w = words(value);
     std::array<double, 5> n{};
-    bool good = w.size() == 5;
-    for (std::size_t i = 0; good && i < 5; ++i) {
-        const std::optional<double> number = parse_number(w[i]);
-        good = number.has_value();
-        n[i] = number.value_or(0);
-    }
-    if (!good) {
+    const auto usable = [](double x) { return std::abs(x) <= kLargestTextureNumber; };
+    if (!read_numbers(value, n) || !std::ranges::all_of(n, usable)) {
         context.report(
             Severity::warning, "texture-axis-unreadable",
             fmt::format("the texture axis '{}' is not [x y z shift] scale; the default axis is used", shown(value)),
@@ -62,8 +36,7 @@ void set_axis(Vec3& axis, double& shift, double& scale, std::string_view value, 
 }
 
 std::int64_t integer(std::string_view value) {
-    const double n = parse_number(value).value_or(0);
-    return std::abs(n) < 9e15 ? static_cast<std::int64_t>(n) : 0;
+    return read_integer(value).value_or(0);
 }
 
 } // namespace

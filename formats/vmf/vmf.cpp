@@ -1,70 +1,19 @@
 #include "formats/vmf/vmf.h"
 #include "formats/document/side_text.h"
+#include "formats/vmf/displacement.h"
+#include "formats/vmf/scanner.h"
 #include "formats/vmf/side.h"
+#include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <fmt/format.h>
 
 namespace kiln {
 namespace {
 
-enum class TokenKind { word, open, close, end };
-struct Token {
-    TokenKind kind = TokenKind::end;
-    std::string_view text;
-    int line = 1;
-    bool unterminated = false; // a string that its line's end cut off
-};
-
-class Scanner {
-public:
-    explicit Scanner(std::string_view text) : text_(text) {}
-
-    Token next() {
-        skip_blanks();
-        Token token{TokenKind::end, {}, line_, false};
-        if (at_ == text_.size()) return token;
-        const char c = text_[at_];
-        if (c == '{' || c == '}') {
-            token.kind = c == '{' ? TokenKind::open : TokenKind::close;
-            token.text = text_.substr(at_++, 1);
-        } else if (c == '"') {
-            // Strings hold no escapes. A line break ends one that was not closed: the rest of the file can then
-            // still be read, and the fault is told where it is.
-            const std::size_t stop = text_.find_first_of("\"\n", ++at_);
-            const std::size_t end = stop == std::string_view::npos ? text_.size() : stop;
-            token.kind = TokenKind::word;
-            token.text = text_.substr(at_, end - at_);
-            token.unterminated = end == text_.size() || text_[end] == '\n';
-            at_ = token.unterminated ? end : end + 1;
-        } else {
-            const std::size_t stop = text_.find_first_of(" \t\r\n\v\f{}\"", at_);
-            const std::size_t end = stop == std::string_view::npos ? text_.size() : stop;
-            token.kind = TokenKind::word;
-            token.text = text_.substr(at_, end - at_);
-            at_ = end;
-        }
-        return token;
-    }
-
-private:
-    std::string_view text_;
-    std::size_t at_ = 0;
-    int line_ = 1;
-
-    void skip_blanks() {
-        for (; at_ < text_.size(); ++at_) {
-            const char c = text_[at_];
-            if (c == '\n') {
-                ++line_;
-            } else if (c == '/' && at_ + 1 < text_.size() && text_[at_ + 1] == '/') {
-                while (at_ < text_.size() && text_[at_] != '\n') ++at_;
-                --at_; // the loop steps on to the line break
-            } else if (!(c == ' ' || (c >= '\t' && c <= '\r'))) {
-                return;
-            }
-        }
-    }
-};
+using vmf::Scanner;
+using vmf::Token;
+using vmf::TokenKind;
 
 int id_of(std::string_view value, int otherwise) {
     int id = otherwise;
@@ -72,8 +21,10 @@ int id_of(std::string_view value, int otherwise) {
     return id;
 }
 
-// Blocks that mean something here; all others, `hidden` among them, are skipped with all they hold.
-enum class Block : std::uint8_t { file, world, entity, connections, solid, side, displacement, skipped };
+// Blocks that mean something here; all others are skipped with all they hold, and so is what is `hidden`, counted.
+enum class Block : std::uint8_t {
+    file, world, entity, connections, solid, side, vertices, displacement, displacement_rows, hidden, cordons, cordon, cordon_box, skipped
+};
 
 struct Reader {
     std::string file;
@@ -83,6 +34,13 @@ struct Reader {
     DocEntity world, entity;
     DocBrush brush;
     DocSide side;
+    vmf::DisplacementText displacement; // of `side`
+    bool has_displacement = false, vertices_good = true;
+    std::vector<DocCordon> cordons; // of the block that is open
+    DocCordon cordon;               // its name and state; a box each time one closes
+    DocKey mins, maxs;              // of the cordon's box that is open
+    bool cordons_active = true, one_cordon = false;
+    int hidden_entities = 0, hidden_solids = 0, hidden_line = 0;
     bool has_world = false, brush_good = true, side_has_plane = false;
     std::optional<Fault> fatal;
     int syntax_errors = 0;
@@ -106,6 +64,15 @@ struct Reader {
     }
 
     Block open(Block parent, std::string_view name, int line) {
+        const Block block = block_in(parent, name, line);
+        if (block == Block::skipped && parent != Block::skipped)
+            for (const std::string_view known : {"world", "entity", "solid", "side", "dispinfo"})
+                if (equal_ignoring_case(name, known) && !(parent == Block::side && has_displacement) && parent != Block::hidden)
+                    context.report(Severity::warning, "block-misplaced",
+                                   fmt::format("a block '{}' stands inside a block that holds none; it is left out", known), here(line));
+        return block;
+    }
+    Block block_in(Block parent, std::string_view name, int line) {
         const auto is = [&](std::string_view n) { return equal_ignoring_case(name, n); };
         switch (parent) {
         case Block::file:
@@ -124,7 +91,26 @@ struct Reader {
                 entity.line = line;
                 return Block::entity;
             }
+            if (is("hidden")) return Block::hidden;
+            if (is("cordons") || is("cordon")) { // one box of its own before Hammer had several
+                cordons.clear();
+                cordons_active = true;
+                one_cordon = is("cordon");
+                return one_cordon ? begin_cordon(line) : Block::cordons;
+            }
             return Block::skipped;
+        case Block::hidden:
+            if (is("hidden")) return Block::hidden;
+            if (!is("entity") && !is("solid")) return Block::skipped;
+            if (hidden_line == 0) hidden_line = line;
+            ++(is("entity") ? hidden_entities : hidden_solids);
+            return is("entity") ? Block::hidden : Block::skipped; // what is hidden in it is hidden twice, yet one brush
+        case Block::cordons:
+            return is("cordon") ? begin_cordon(line) : Block::skipped;
+        case Block::cordon:
+            if (!is("box")) return Block::skipped;
+            mins = maxs = {};
+            return Block::cordon_box;
         case Block::world:
         case Block::entity:
             if (is("solid")) {
@@ -133,21 +119,63 @@ struct Reader {
                 brush_good = true;
                 return Block::solid;
             }
+            if (is("hidden")) return Block::hidden;
             return is("connections") ? Block::connections : Block::skipped;
         case Block::solid:
             if (!is("side")) return Block::skipped;
             side = {};
             side.line = line;
-            side_has_plane = false;
+            side_has_plane = has_displacement = false;
             return Block::side;
         case Block::side:
+            if (is("vertices_plus")) {
+                side.vertices.clear();
+                vertices_good = true;
+                return Block::vertices;
+            }
             if (!is("dispinfo")) return Block::skipped;
-            side.displacement = static_cast<std::int32_t>(document.displacements.size());
-            document.displacements.push_back({.line = line});
+            if (has_displacement) {
+                context.report(Severity::warning, "displacement-second", "a second dispinfo of one side; it is ignored", here(line));
+                return Block::skipped;
+            }
+            has_displacement = true;
+            displacement.begin(line);
             return Block::displacement;
+        case Block::displacement:
+            displacement.open(name);
+            return Block::displacement_rows;
         default:
             return Block::skipped;
         }
+    }
+
+    Block begin_cordon(int line) {
+        cordon = {};
+        cordon.line = line;
+        cordon.active = true;
+        mins = maxs = {};
+        return Block::cordon;
+    }
+    void close_box() {
+        std::array<double, 3> lo{}, hi{};
+        const bool good = read_numbers(mins.value, lo) && read_numbers(maxs.value, hi) && lo[0] <= hi[0] && lo[1] <= hi[1] && lo[2] <= hi[2];
+        if (!good) {
+            context.report(Severity::warning, "cordon-invalid",
+                           fmt::format("the box of a cordon, '{}' to '{}', is not two points, the lower first; it is ignored", shown(mins.value),
+                                       shown(maxs.value)),
+                           {file, mins.line ? mins.line : cordon.line});
+            return;
+        }
+        const auto kept = [](double x) { return std::clamp(x, -kLargestCoordinate, kLargestCoordinate); }; // there is nothing beyond
+        cordon.box = {{kept(lo[0]), kept(lo[1]), kept(lo[2])}, {kept(hi[0]), kept(hi[1]), kept(hi[2])}};
+        cordons.push_back(cordon);
+    }
+    void close_cordons() {
+        for (DocCordon& c : cordons) {
+            c.active = c.active && cordons_active;
+            document.cordons.push_back(std::move(c));
+        }
+        cordons.clear();
     }
 
     void key(Block block, std::string_view name, std::string_view value, int line) {
@@ -175,19 +203,65 @@ struct Reader {
             if (equal_ignoring_case(name, "plane")) side_has_plane = true;
             if (!vmf::set_side_key(side, name, value, here(line), context)) brush_good = false;
             break;
+        case Block::vertices: {
+            std::array<double, 3> v{};
+            const auto near = [](double x) { return std::abs(x) <= kLargestCoordinate; };
+            if (vertices_good && !(read_numbers(value, v) && std::ranges::all_of(v, near))) {
+                vertices_good = false;
+                context.report(Severity::warning, "vertices-plus-invalid",
+                               fmt::format("the vertex '{}' is not three numbers that can be used; the vertices_plus of the side are ignored", shown(value)), here(line));
+            }
+            side.vertices.push_back({v[0], v[1], v[2]});
+            break;
+        }
+        case Block::displacement:
+            displacement.key(name, value, line);
+            break;
+        case Block::displacement_rows:
+            displacement.row(name, value, line);
+            break;
+        case Block::cordons:
+            if (equal_ignoring_case(name, "active")) cordons_active = read_integer(value).value_or(0) != 0;
+            break;
+        case Block::cordon:
+        case Block::cordon_box:
+            if (equal_ignoring_case(name, "name")) cordon.name = value;
+            if (equal_ignoring_case(name, "active")) cordon.active = read_integer(value).value_or(0) != 0;
+            if (equal_ignoring_case(name, "mins")) mins = {"mins", std::string(value), line};
+            if (equal_ignoring_case(name, "maxs")) maxs = {"maxs", std::string(value), line};
+            break;
         default:
             break;
         }
     }
 
-    void close(Block block, int line) {
+    void close(Block block) {
         switch (block) {
+        case Block::vertices:
+            if (!vertices_good) side.vertices.clear();
+            break;
+        case Block::displacement:
+            side.displacement = static_cast<std::int32_t>(document.displacements.size());
+            document.displacements.push_back(vmf::read_displacement(displacement, here(displacement.line), context).value_or(DocDisplacement{.line = displacement.line}));
+            break;
+        case Block::cordon_box:
+            close_box();
+            break;
+        case Block::cordon:
+            if (!one_cordon) break;
+            close_box();
+            close_cordons();
+            break;
+        case Block::cordons:
+            close_cordons();
+            break;
         case Block::side:
             if (!side_has_plane) {
                 context.report(Severity::error, "plane-missing", "a side has no plane; the brush is left out",
                                here(side.line));
                 brush_good = false;
             }
+            if (side.material.empty()) check_material(side, here(side.line), context);
             mend_texture_scale(side.texture, here(side.line), context);
             brush.sides.push_back(std::move(side));
             side = {};
@@ -211,7 +285,6 @@ struct Reader {
         default:
             break;
         }
-        (void)line;
     }
 
     void run(std::string_view text) {
@@ -257,7 +330,7 @@ struct Reader {
                 syntax("unbalanced-braces", "a closing brace without an opening one", token.line);
                 continue;
             }
-            close(block, token.line);
+            close(block);
             stack.pop_back();
         }
         if (stack.size() > 1)
@@ -265,6 +338,11 @@ struct Reader {
                    fmt::format("the file ends inside the block opened in line {}: is it truncated?",
                                stack.back().second),
                    stack.back().second);
+        if (hidden_line > 0)
+            context.report(Severity::note, "hidden-skipped",
+                           fmt::format("{} entities and {} solids are hidden in the editor and left out, as its own compiler does",
+                                       hidden_entities, hidden_solids),
+                           {file, hidden_line});
         if (!has_world && !fatal)
             fatal = fault(Exit::input, "no-world", "the file has no world block: it is no VMF map", {file, 1});
     }
@@ -275,6 +353,8 @@ struct Reader {
 Result<Document> read_vmf(std::span<const std::uint8_t> bytes, const std::string& file, Context& context) {
     std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
     if (std::optional<Fault> no = reject_non_text(text, file)) return *no;
+    std::string unified;
+    unify_line_breaks(text, unified);
     Reader reader(file, context);
     reader.run(text);
     if (reader.fatal) return *reader.fatal;

@@ -35,6 +35,8 @@ void BakeOptions::add_to(CLI::App& command) {
         ->check(CLI::Range(0.0, 16.0))->type_name("UNITS");
     geometry->add_option("--plane-merge", compile.csg.plane_merge_distance, "Planes that coincide this closely over both faces become one, map units (default 1/64)")
         ->check(CLI::Range(0.0, 1.0))->type_name("UNITS");
+    geometry->add_option("--curve-flatness", compile.surfaces.curve_flatness, "Patches are divided until their triangles lie this close to the curve, map units (default 0.5)")
+        ->check(CLI::Range(0.001, 1024.0))->type_name("UNITS");
     auto* input = command.add_option_group("Input");
     input->add_option("--materials", materials, "Material files (JSON), later ones win; NAME.materials.json beside the map is read by itself")->type_name("FILE");
     input->add_option("--textures", textures, "Folders of PNG textures named like the materials: size and mean colour are read")->type_name("DIR");
@@ -140,6 +142,8 @@ std::vector<std::string> translate_known_words(int argc, char** argv, std::vecto
         {"-lights", {{"--lights"}, 1, false, nullptr}},
         {"-luxelscale", {{}, 1, true, "-luxelscale is not supported: use --luxel UNITS"}},
         {"-leaktest", {{}, 0, false, "-leaktest: a leak always ends the build (see --allow-leaks)"}},
+        {"-noleaktest", {{"--allow-leaks"}, 0, false, nullptr}},
+        {"-leakdist", {{}, 1, true, "-leakdist: points of a .pts are 4 units apart"}},
         {"-bounce", {{}, 1, true, "-bounce: all bounces are always solved"}},
         {"-extra", {{}, 0, false, "-extra: sampling follows --error"}},
         {"-extra4", {{}, 0, false, "-extra4: sampling follows --error"}},

@@ -14,6 +14,26 @@ nlohmann::ordered_json to_json(const Diagnostic& d) {
             {"entity", d.where.entity}, {"brush", d.where.brush}, {"side", d.where.side}, {"message", d.message}};
 }
 
+nlohmann::ordered_json to_json(Vec3 p) { return {p.x, p.y, p.z}; }
+nlohmann::ordered_json to_json(const World& world, BrushId b) {
+    const SourceLocation at = world.location(b);
+    return {{"file", at.file}, {"line", at.line}, {"entity", at.entity}, {"brush", at.brush}};
+}
+nlohmann::ordered_json to_json(const World& world, const Leak& leak) {
+    const WorldEntity& e = world.entities[leak.entity.at()];
+    const SourceLocation at = world.location(leak.entity);
+    nlohmann::ordered_json j = {{"classname", e.get("classname")}, {"file", at.file}, {"line", at.line}, {"entity", at.entity}, {"origin", to_json(e.origin)},
+                                {"in_void", leak.area == 0}, {"hole", to_json(leak.hole)}, {"area", leak.area}, {"width", leak.width}, {"length", leak.length}};
+    for (const char* list : {"passes", "near", "path"}) j[list] = nlohmann::json::array();
+    for (const BrushId b : leak.passes) {
+        j["passes"].push_back(to_json(world, b));
+        j["passes"].back()["what"] = name_of_unsealing(world, b);
+    }
+    for (const BrushId b : leak.near) j["near"].push_back(to_json(world, b));
+    for (const Vec3 p : leak.path) j["path"].push_back(to_json(p));
+    return j;
+}
+
 std::string report_json(const Compiled& c, const Context& context) {
     nlohmann::ordered_json j;
     j["stages"] = nlohmann::json::array();
@@ -31,21 +51,21 @@ std::string report_json(const Compiled& c, const Context& context) {
                   {"patch_bias", e.patch_bias}, {"iteration", e.iteration}, {"representation", e.representation},
                   {"ambient", c.ambient.error_estimate}};
     j["light"] = {{"iterations", c.lighting.iterations}, {"escaped_rays", c.lighting.escaped_rays}, {"back_face_rays", c.lighting.back_face_rays}};
+    j["leaks"] = nlohmann::json::array();
+    for (const Leak& l : c.leaks) j["leaks"].push_back(to_json(c.world, l));
     j["level_bytes"] = c.level.size();
     j["diagnostics"] = nlohmann::json::array();
     for (const Diagnostic& d : context.diagnostics()) j["diagnostics"].push_back(to_json(d));
     return j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
-// Leak trails of an earlier build must not outlive the leak.
-void remove_trails(const std::string& stem) {
+// What editors load: the first leak's trail; or, of a sealed world, an empty .pts and no .lin (formats/portal_file/FORMAT.md).
+Result<bool> write_trails(const std::string& stem, const std::optional<Leak>& leak) {
+    if (auto r = write_file(stem + ".pts", leak ? write_pts(leak->path) : std::string()); !r) return r;
+    if (leak) return write_file(stem + ".lin", write_lin(leak->path));
     std::error_code ignored;
-    for (const char* ending : {".pts", ".lin"}) std::filesystem::remove(stem + ending, ignored);
-}
-
-Result<bool> write_trails(const std::string& stem, const Leak& leak) {
-    if (auto r = write_file(stem + ".pts", write_pts(leak.path)); !r) return r;
-    return write_file(stem + ".lin", write_lin(leak.path));
+    std::filesystem::remove(stem + ".lin", ignored);
+    return true;
 }
 
 } // namespace
@@ -58,10 +78,11 @@ Command build_command(CLI::App& app) {
     };
     auto o = std::make_shared<Options>();
     o->bake.add_to(app);
-    app.add_option("-o,--output", o->output, "The level file (default: the map's name with .kiln); a portal file (.prt) or leak trails (.pts, .lin) are written beside it")->type_name("FILE");
-    app.add_option("--report", o->report, "Write stages, counts, error and diagnostics as JSON")->type_name("FILE");
+    app.add_option("-o,--output", o->output, "The level file (default: the map's name with .kiln); beside it are written a portal file (.prt) and leak trails (.pts, .lin; an empty .pts where the world is sealed)")->type_name("FILE");
+    app.add_option("--report", o->report, "Write stages, counts, error, leaks and diagnostics as JSON")->type_name("FILE");
     app.add_option("--stop-after", o->stop_after, "Stop after this stage; no level is written")
         ->check(CLI::IsMember(std::vector<std::string>(kStageNames.begin(), kStageNames.end())))->type_name("STAGE");
+    app.add_flag_function("--leak-test", [o](std::int64_t) { o->stop_after = "bsp"; }, "Only tell whether the world is sealed (as --stop-after bsp): exit 4 where it leaks");
     app.add_flag_function("--strip", [o](std::int64_t) { o->bake.compile.strip = true; }, "Leave out provenance and error maps");
     app.add_option("--require-error", o->require_error, "Exit 6 where the estimated error exceeds this, percent; the level is written all the same")->check(CLI::Range(0.0, 1000.0))->type_name("PERCENT");
     app.footer("examples:\n  kiln build maps/atrium/atrium.vmf\n  kiln build e1m1.map -o e1m1.kiln --error 2 --cache ~/.cache/kiln\n"
@@ -95,11 +116,7 @@ Command build_command(CLI::App& app) {
             if (!written && code == 0) code = console.fail(written.fault());
         };
         if (last >= Stage::bsp && (code == 0 || c.leak)) {
-            if (c.leak) {
-                write(write_trails(stem, *c.leak));
-            } else {
-                remove_trails(stem);
-            }
+            write(write_trails(stem, c.leak));
             if (!c.portals.empty() && code == 0) {
                 PortalFile prt;
                 prt.cluster_count = c.bsp.cluster_count;

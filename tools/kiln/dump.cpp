@@ -93,11 +93,25 @@ Rows dump_faces(const Compiled& c) {
     Rows rows;
     for (std::size_t i = 0; i < c.surfaces.faces.size(); ++i) {
         const Face& f = c.surfaces.faces[i];
-        const SourceLocation at = c.world.location(f.side);
+        const SourceLocation at = location_of(c.world, c.surfaces, id<FaceId>(i));
         rows.push_back({{"face", i}, {"material", c.world.materials[f.material.at()].name}, {"model", to_json(f.model)}, {"chart", to_json(f.chart)},
                         {"normal", to_json(f.normal)}, {"distance", f.distance}, {"area", f.area}, {"triangles", f.triangle_count}, {"drawn", f.drawn},
                         {"sky", f.sky}, {"blocks_light", f.blocks_light}, {"tangent", to_json(f.tangent.t)}, {"bitangent", to_json(f.tangent.b)},
                         {"clusters", list(f.clusters)}, {"brush", at.brush}, {"side", at.side}, {"line", at.line}});
+        if (f.curved()) rows.back()["curve"] = f.curve;
+    }
+    return rows;
+}
+Rows dump_curves(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.surfaces.curves.size(); ++i) {
+        const Curve& k = c.surfaces.curves[i];
+        const SourceLocation at = location_of(c.world, c.surfaces, {k.first_face});
+        Json grid = Json::array();
+        for (const std::uint32_t p : k.grid) grid.push_back(to_json(c.surfaces.positions[p]));
+        rows.push_back({{"curve", i}, {"kind", k.kind == Curve::displacement ? "displacement" : "patch"}, {"source", k.source},
+                        {"columns", k.columns}, {"rows", k.rows}, {"first_face", k.first_face}, {"faces", k.face_count},
+                        {"brush", at.brush}, {"side", at.side}, {"line", at.line}, {"vertices", grid}});
     }
     return rows;
 }
@@ -157,7 +171,7 @@ Rows dump_probes(const Compiled& c) {
 constexpr Artefact kArtefacts[] = {
     {"document", Stage::read, dump_document, "line"}, {"world", Stage::world, dump_world, "material brush entity line"}, {"fragments", Stage::csg, dump_csg, "fragment side brush"},
     {"bsp", Stage::bsp, dump_bsp, "node leaf child cluster area brushes"}, {"portals", Stage::bsp, dump_portals, "portal front back"}, {"vis", Stage::visibility, dump_vis},
-    {"faces", Stage::surfaces, dump_faces, "face chart clusters line"}, {"charts", Stage::surfaces, dump_charts, "chart first_texel faces"}, {"lights", Stage::light, dump_lights, "light entity"},
+    {"faces", Stage::surfaces, dump_faces, "face chart clusters line"}, {"charts", Stage::surfaces, dump_charts, "chart first_texel faces"}, {"curves", Stage::surfaces, dump_curves, "curve source first_face line"}, {"lights", Stage::light, dump_lights, "light entity"},
     {"patches", Stage::light, dump_patches, "patch face"}, {"cubes", Stage::ambient, dump_cubes, "cube local_lights"}, {"probes", Stage::probes, dump_probes, "probe entity"},
 };
 std::vector<Artefact> artefacts() {

@@ -10,6 +10,11 @@ Json source(const Compiled& c, SideId side) {
     return {at.entity, at.brush, at.side};
 }
 
+Json face_source(const Compiled& c, FaceId face) {
+    const SourceLocation at = location_of(c.world, c.surfaces, face);
+    return {at.entity, at.brush, at.side};
+}
+
 Rows dump_brushes(const Compiled& c) {
     Rows rows;
     for (std::size_t b = 0; b < c.csg.brushes.size(); ++b) {
@@ -103,7 +108,7 @@ Rows dump_leak(const Compiled& c) {
     Json near = Json::array();
     for (const BrushId b : c.leak->near) near.push_back({c.world.location(b).brush, c.world.location(b).line});
     const SourceLocation at = c.leak->entity.valid() ? c.world.location(c.leak->entity) : SourceLocation{};
-    return {{{"entity", at.entity}, {"line", at.line}, {"hole", to_json(c.leak->hole)}, {"near", near}, {"path", list(c.leak->path)}}};
+    return {{{"entity", at.entity}, {"line", at.line}, {"hole", to_json(c.leak->hole)}, {"width", c.leak->width}, {"length", c.leak->length}, {"near", near}, {"path", list(c.leak->path)}}};
 }
 Rows dump_gaps(const Compiled& c) {
     Rows rows;
@@ -129,7 +134,7 @@ Rows dump_triangles(const Compiled& c) {
         Json corners = Json::array(), normals = Json::array();
         for (std::size_t k = 0; k < 3; ++k) corners.push_back(to_json(c.surfaces.positions[c.surfaces.triangles[t][k]])), normals.push_back(to_json(c.surfaces.corner_normals[t][k]));
         const FaceId f = c.surfaces.triangle_face[t];
-        rows.push_back({{"triangle", t}, {"face", to_json(f)}, {"vertices", c.surfaces.triangles[t]}, {"source", source(c, c.surfaces.faces[f.at()].side)}, {"corners", corners}, {"normals", normals}});
+        rows.push_back({{"triangle", t}, {"face", to_json(f)}, {"vertices", c.surfaces.triangles[t]}, {"source", face_source(c, f)}, {"corners", corners}, {"normals", normals}});
     }
     return rows;
 }
@@ -154,7 +159,7 @@ Rows dump_displacements(const Compiled& c) {
     }
     return rows;
 }
-Rows dump_curves(const Compiled& c) {
+Rows dump_patch_grids(const Compiled& c) {
     Rows rows;
     for (const WorldPatch& p : c.world.patches)
         rows.push_back({{"entity", c.world.entities[p.entity.at()].id}, {"patch", p.grid.id}, {"line", p.grid.line}, {"material", c.world.materials[p.material.at()].name}, {"model", to_json(p.model)},
@@ -174,6 +179,32 @@ Rows dump_overlays(const Compiled& c) {
     }
     return rows;
 }
+Rows dump_waters(const Compiled& c) {
+    Rows rows;
+    for (std::size_t i = 0; i < c.bsp.waters.size(); ++i) {
+        const WaterVolume& w = c.bsp.waters[i];
+        rows.push_back({{"water", i}, {"contents", name(w.contents)}, {"surface_z", w.surface_z}, {"min_z", w.min_z}, {"has_surface", w.has_surface},
+                        {"material", w.material.valid() ? Json(c.world.materials[w.material.at()].name) : Json()}, {"leaves", std::ranges::count(c.bsp.leaf_water, i)}});
+    }
+    return rows;
+}
+Rows dump_area_portals(const Compiled& c) {
+    Rows rows;
+    for (const AreaPortal& p : c.bsp.area_portals) {
+        const SourceLocation at = c.world.location(p.brush);
+        rows.push_back({{"entity", at.entity}, {"brush", at.brush}, {"line", at.line}, {"areas", p.areas}, {"winding", list(p.winding)}});
+    }
+    return rows;
+}
+Rows dump_occluders(const Compiled& c) {
+    Rows rows;
+    for (const Occluder& o : c.bsp.occluders) {
+        Json polygons = Json::array();
+        for (const std::uint32_t f : o.fragments) polygons.push_back(list(points(c.csg.planes, c.csg.fragments[f].polygon)));
+        rows.push_back({{"entity", c.world.location(o.entity).entity}, {"line", c.world.location(o.entity).line}, {"area", o.area}, {"polygons", polygons}});
+    }
+    return rows;
+}
 Rows dump_cordons(const Compiled& c) {
     Rows rows;
     for (const DocCordon& k : c.document.cordons) rows.push_back({{"cordon", k.name}, {"line", k.line}, {"active", k.active}, {"box", to_json(k.box)}});
@@ -183,7 +214,7 @@ Rows dump_cordons(const Compiled& c) {
 constexpr Artefact kArtefacts[] = {
     {"cordons", Stage::read, dump_cordons, "line"},
     {"displacements", Stage::world, dump_displacements, "line"},
-    {"curves", Stage::world, dump_curves, "line"},
+    {"patch_grids", Stage::world, dump_patch_grids, "line"},
     {"overlays", Stage::world, dump_overlays, "line"},
     {"brushes", Stage::csg, dump_brushes, "index line"},
     {"sides", Stage::csg, dump_sides, "index line"},
@@ -191,6 +222,9 @@ constexpr Artefact kArtefacts[] = {
     {"leaves", Stage::surfaces, dump_leaves, "leaf cluster area faces portals"},
     {"clusters", Stage::bsp, dump_clusters, "cluster leaves neighbours"},
     {"areas", Stage::bsp, dump_areas, "area area_portals_to"},
+    {"waters", Stage::bsp, dump_waters, "water"},
+    {"area_portals", Stage::bsp, dump_area_portals, "line areas"},
+    {"occluders", Stage::bsp, dump_occluders, "line area"},
     {"leak", Stage::bsp, dump_leak, "line"},
     {"gaps", Stage::bsp, dump_gaps, "leaf"},
     {"visible", Stage::bsp, dump_visible, "fragment leaf"},

@@ -235,13 +235,18 @@ GltfScene gltf_of_map(const Compiled& c, const std::vector<Light>& lights, const
         if (!f.drawn || f.sky) continue;
         Part part{f.material.value, f.model.value, UINT32_MAX, f.two_sided, {}, {}};
         const Material& m = c.world.materials[f.material.at()];
-        const DocTexture& t = c.world.sides[f.side.at()].texture;
+        const DocTexture t = f.side.valid() ? c.world.sides[f.side.at()].texture : DocTexture{}; // patches: not asked
         for (std::uint32_t k = f.first_triangle; k < f.first_triangle + f.triangle_count; ++k)
             for (std::size_t corner = 0; corner < 3; ++corner) {
                 const Vec3 x = s.positions[s.triangles[k][corner]], n(s.corner_normals[k][corner]);
                 Frame frame = f.tangent;
                 const bool mirrored = dot(cross(frame.n, frame.t), frame.b) < 0;
                 frame.n = n, frame.t = normalize(frame.t - n * dot(frame.t, n)), frame.b = cross(n, frame.t) * (mirrored ? -1.0 : 1.0);
+                if (f.curved()) {
+                    part.corners.push_back(vertex(s.corner_normals[k][corner], frame, s.curve_corners[k - s.faces[s.first_curved_face].first_triangle][corner].uv));
+                    part.positions.push_back(x);
+                    continue;
+                }
                 part.corners.push_back(vertex(s.corner_normals[k][corner], frame, {(dot(x, t.u_axis) / t.u_scale + t.u_shift) / m.width, (dot(x, t.v_axis) / t.v_scale + t.v_shift) / m.height}));
                 part.positions.push_back(x);
             }
@@ -288,19 +293,23 @@ GltfScene gltf_of_level(const kiln_level* l, const GltfOptions& options) {
         Part part{face.material, face.model, UINT32_MAX, (face.flags & KILN_FACE_TWO_SIDED) != 0, {}, {}};
         const kiln_chart* chart = face.chart == KILN_NO_INDEX ? nullptr : &charts[face.chart];
         if (chart) part.page = chart->page;
+        const kiln_curve_corner* curve = kiln_level_curve_corners(l, f, nullptr);
         for (std::size_t k = 3 * std::size_t{face.first_triangle}; k < 3 * (std::size_t{face.first_triangle} + face.triangle_count); ++k) {
             const std::int32_t* g = grid + 3 * std::size_t{corners[k]};
             const Vec3 x = Vec3{static_cast<double>(g[0]), static_cast<double>(g[1]), static_cast<double>(g[2])} * step;
             const double at[3] = {x.x, x.y, x.z};
             double uv[2] = {};
             float t[3], b[3], m[3];
-            kiln_level_texture_uv(l, f, at, uv);
-            kiln_level_tangent_frame(l, f, normals + 3 * k, t, b, m);
+            const kiln_curve_corner* bend = curve ? &curve[k - 3 * std::size_t{face.first_triangle}] : nullptr;
+            if (bend) uv[0] = bend->uv[0], uv[1] = bend->uv[1];
+            else kiln_level_texture_uv(l, f, at, uv);
+            kiln_level_tangent_frame_at(l, f, at, normals + 3 * k, t, b, m);
             Vertex v = vertex({normals[3 * k], normals[3 * k + 1], normals[3 * k + 2]}, {{t[0], t[1], t[2]}, {b[0], b[1], b[2]}, {m[0], m[1], m[2]}}, {uv[0], uv[1]});
             if (chart) {
                 const Vec3 d = x - Vec3{chart->origin[0], chart->origin[1], chart->origin[2]};
-                v.uv1 = {static_cast<float>((chart->page_x + dot(d, Vec3{chart->s[0], chart->s[1], chart->s[2]}) / chart->luxel_size) / pages[chart->page].width),
-                         static_cast<float>((chart->page_y + dot(d, Vec3{chart->t[0], chart->t[1], chart->t[2]}) / chart->luxel_size) / pages[chart->page].height)};
+                const double luxel[2] = {bend ? bend->luxel[0] : dot(d, Vec3{chart->s[0], chart->s[1], chart->s[2]}) / chart->luxel_size,
+                                         bend ? bend->luxel[1] : dot(d, Vec3{chart->t[0], chart->t[1], chart->t[2]}) / chart->luxel_size};
+                v.uv1 = {static_cast<float>((chart->page_x + luxel[0]) / pages[chart->page].width), static_cast<float>((chart->page_y + luxel[1]) / pages[chart->page].height)};
             }
             part.corners.push_back(v), part.positions.push_back(x);
         }

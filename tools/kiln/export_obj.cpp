@@ -41,25 +41,32 @@ public:
         return std::move(out);
     }
     ObjExport faces() {
-        each_triangle([&](std::size_t f, ObjPolygon& p) {
+        each_triangle([&](std::size_t f, std::size_t t_number, ObjPolygon& p) {
             const Face& face = c.surfaces.faces[f];
+            const SourceLocation at = location_of(c.world, c.surfaces, id<FaceId>(f));
+            p.group = fmt::format("face_{} brush_{} side_{}", f, at.brush, at.side);
+            if (face.curved()) {
+                for (const CurveCorner& k : curve_corners(t_number)) p.uv.push_back({k.uv.x, -k.uv.y});
+                return;
+            }
             const Material& m = c.world.materials[face.material.at()];
             const DocTexture& t = c.world.sides[face.side.at()].texture;
             for (const Vec3& x : p.points) p.uv.push_back({(dot(x, t.u_axis) / t.u_scale + t.u_shift) / m.width, -(dot(x, t.v_axis) / t.v_scale + t.v_shift) / m.height});
-            const SourceLocation at = c.world.location(face.side);
-            p.group = fmt::format("face_{} brush_{} side_{}", f, at.brush, at.side);
         });
         return std::move(out);
     }
     ObjExport charts() {
-        each_triangle([&](std::size_t f, ObjPolygon& p) {
+        each_triangle([&](std::size_t f, std::size_t t, ObjPolygon& p) {
             const Face& face = c.surfaces.faces[f];
             if (!face.chart.valid()) {
                 p.points.clear();
                 return;
             }
             const Chart& h = c.surfaces.charts[face.chart.at()];
-            for (const Vec3& x : p.points) p.uv.push_back({dot(x - h.origin, h.s) / h.luxel_size / h.width, 1 - dot(x - h.origin, h.t) / h.luxel_size / h.height});
+            for (std::size_t k = 0; k < 3; ++k) {
+                const Vec2 l = face.curved() ? curve_corners(t)[k].luxel : luxel_from_world(c.surfaces, id<FaceId>(f), p.points[k]);
+                p.uv.push_back({l.x / h.width, 1 - l.y / h.height});
+            }
             p.group = fmt::format("chart_{}", face.chart.value);
         });
         return std::move(out);
@@ -71,6 +78,12 @@ private:
     std::string object(EntityId e) const {
         if (!e.valid()) return "none";
         return fmt::format("entity_{}_{}", c.world.entities[e.at()].id, c.world.entities[e.at()].get("classname", "none"));
+    }
+    const std::array<CurveCorner, 3>& curve_corners(std::size_t triangle) const {
+        return c.surfaces.curve_corners[triangle - c.surfaces.faces[c.surfaces.first_curved_face].first_triangle];
+    }
+    EntityId entity_of(const Face& face) const {
+        return face.side.valid() || !face.curved() ? entity_of(face.side) : c.world.patches[c.surfaces.curves[face.curve].source].entity;
     }
     EntityId entity_of(SideId side) const {
         const auto after = std::ranges::upper_bound(c.world.brushes, side.value, {}, &WorldBrush::first_side);
@@ -86,9 +99,9 @@ private:
         for (std::size_t t = 0; t < s.triangles.size(); ++t) {
             const std::size_t f = s.triangle_face[t].at();
             ObjPolygon p;
-            p.object = object(entity_of(s.faces[f].side)), p.material = c.world.materials[s.faces[f].material.at()].name;
+            p.object = object(entity_of(s.faces[f])), p.material = c.world.materials[s.faces[f].material.at()].name;
             for (std::size_t k = 0; k < 3; ++k) p.points.push_back(s.positions[s.triangles[t][k]]), p.normals.push_back(Vec3(s.corner_normals[t][k]));
-            fill(f, p);
+            fill(f, t, p);
             if (!p.points.empty()) out.polygons.push_back(std::move(p));
         }
     }
@@ -134,6 +147,7 @@ private:
             if (of_charts && faces[f].chart == KILN_NO_INDEX) continue;
             kiln_source source{-1, -1, -1, 0};
             kiln_level_face_source(l, f, &source); // stripped: unknown
+            const kiln_curve_corner* curve = kiln_level_curve_corners(l, f, nullptr);
             for (std::size_t t = faces[f].first_triangle; t < std::size_t{faces[f].first_triangle} + faces[f].triangle_count; ++t) {
                 ObjPolygon p;
                 p.object = fmt::format("model_{}", faces[f].model), p.material = out.materials[faces[f].material].name;
@@ -145,7 +159,11 @@ private:
                     const float* m = normals + 9 * t + 3 * k;
                     p.normals.push_back({m[0], m[1], m[2]});
                     double uv[2] = {};
-                    if (of_charts) {
+                    if (curve) {
+                        const kiln_curve_corner& at = curve[3 * (t - faces[f].first_triangle) + k];
+                        if (of_charts) uv[0] = at.luxel[0] / charts[faces[f].chart].width, uv[1] = at.luxel[1] / charts[faces[f].chart].height - 1;
+                        else uv[0] = at.uv[0], uv[1] = at.uv[1];
+                    } else if (of_charts) {
                         const kiln_chart& c = charts[faces[f].chart];
                         const Vec3 d = x - Vec3{c.origin[0], c.origin[1], c.origin[2]};
                         uv[0] = dot(d, Vec3{c.s[0], c.s[1], c.s[2]}) / c.luxel_size / c.width, uv[1] = dot(d, Vec3{c.t[0], c.t[1], c.t[2]}) / c.luxel_size / c.height - 1;

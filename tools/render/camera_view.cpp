@@ -115,7 +115,7 @@ public:
             from = distance * (1 + 1e-5) + 1e-3;
             hit.face = triangle_face_[hit.triangle];
             const kiln_face& face = faces_[hit.face];
-            const Vec3 normal{face.normal[0], face.normal[1], face.normal[2]};
+            const Vec3 normal = face_normal(hit);
             const double facing = -dot(normal, direction);
             if (facing <= 0 && !(face.flags & KILN_FACE_TWO_SIDED)) continue; // backs are not drawn
             if (face.flags & KILN_FACE_SKY) return sum + background() * through;
@@ -170,16 +170,45 @@ private:
         const float* p = &positions_[std::size_t{3} * triangles_[std::size_t{3} * triangle + c]];
         return {p[0], p[1], p[2]};
     }
-    Vec3 shading_normal(const Surface& hit) const {
+    Vec3 face_normal(const Surface& hit) const { // of the triangle, where the face has no plane
+        const kiln_face& f = faces_[hit.face];
+        if (f.flags & KILN_FACE_CURVED) {
+            const Vec3 a = corner(hit.triangle, 0), n = cross(corner(hit.triangle, 1) - a, corner(hit.triangle, 2) - a);
+            if (dot(n, n) > 0) return normalize(n);
+        }
+        return {f.normal[0], f.normal[1], f.normal[2]};
+    }
+    // Of the corners of the triangle; false: it has no area.
+    bool weights(const Surface& hit, double w[3]) const {
         const Vec3 a = corner(hit.triangle, 0), b = corner(hit.triangle, 1), c = corner(hit.triangle, 2);
         const Vec3 n = cross(b - a, c - a);
         const double area = dot(n, n);
-        const kiln_face& f = faces_[hit.face];
-        const Vec3 flat{f.normal[0], f.normal[1], f.normal[2]};
-        if (!(area > 0) || normals_.empty()) return flat;
-        const double w[3] = {dot(cross(b - hit.point, c - hit.point), n) / area,
-                             dot(cross(c - hit.point, a - hit.point), n) / area,
-                             dot(cross(a - hit.point, b - hit.point), n) / area};
+        if (!(area > 0)) return false;
+        w[0] = dot(cross(b - hit.point, c - hit.point), n) / area;
+        w[1] = dot(cross(c - hit.point, a - hit.point), n) / area;
+        w[2] = dot(cross(a - hit.point, b - hit.point), n) / area;
+        return true;
+    }
+    // Texture and luxel coordinates; on a curved face from the corners of the very triangle.
+    void coordinates(const Surface& hit, double uv[2], double st[2]) const {
+        const double at[3] = {hit.point.x, hit.point.y, hit.point.z};
+        const kiln_curve_corner* c = kiln_level_curve_corners(level_, hit.face, nullptr);
+        double w[3];
+        if (c && weights(hit, w)) {
+            c += std::size_t{3} * (hit.triangle - faces_[hit.face].first_triangle);
+            for (std::size_t k = 0; k < 2; ++k) {
+                uv[k] = w[0] * c[0].uv[k] + w[1] * c[1].uv[k] + w[2] * c[2].uv[k];
+                st[k] = w[0] * c[0].luxel[k] + w[1] * c[1].luxel[k] + w[2] * c[2].luxel[k];
+            }
+            return;
+        }
+        kiln_level_texture_uv(level_, hit.face, at, uv);
+        kiln_level_luxel_at(level_, hit.face, at, st);
+    }
+    Vec3 shading_normal(const Surface& hit) const {
+        const Vec3 flat = face_normal(hit);
+        double w[3];
+        if (normals_.empty() || !weights(hit, w)) return flat;
         Vec3 sum{};
         for (std::size_t k = 0; k < 3; ++k) {
             const float* m = &normals_[std::size_t{9} * hit.triangle + 3 * k];
@@ -202,8 +231,8 @@ private:
         default: break;
         }
 
-        double uv[2] = {};
-        kiln_level_texture_uv(level_, hit.face, at, uv);
+        double uv[2] = {}, st[2] = {};
+        coordinates(hit, uv, st);
         const auto repeats = [&](const double* axis, double scale, std::uint32_t size) { // per map unit
             const double along = std::sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
             return along / std::max(1e-6, std::abs(scale)) / std::max(1u, size) * hit.footprint;
@@ -225,7 +254,9 @@ private:
         float t[3], b[3], n[3];
         const Vec3 smooth = shading_normal(hit);
         const float shading[3] = {static_cast<float>(smooth.x), static_cast<float>(smooth.y), static_cast<float>(smooth.z)};
-        kiln_level_tangent_frame(level_, hit.face, shading, t, b, n);
+        const bool needs_tangents = !normal_[face.material].empty() && (face.flags & KILN_FACE_CURVED);
+        if (needs_tangents) kiln_level_tangent_frame_at(level_, hit.face, at, shading, t, b, n);
+        else kiln_level_tangent_frame(level_, hit.face, shading, t, b, n);
         frame.t = {t[0], t[1], t[2]}, frame.b = {b[0], b[1], b[2]}, frame.n = {n[0], n[1], n[2]};
         Vec3 local{0, 0, 1};
         if (const Texture& texture = normal_[face.material]; !texture.empty() && options_.show != Show::flat) {
@@ -248,9 +279,9 @@ private:
         const float ln[3] = {static_cast<float>(local.x), static_cast<float>(local.y), static_cast<float>(local.z)};
         if (face.chart != KILN_NO_INDEX) {
             if (options_.show == Show::flat)
-                kiln_level_eval_flat(level_, hit.face, at, e);
+                kiln_level_eval_flat_luxel(level_, face.chart, st[0], st[1], e);
             else
-                kiln_level_eval_rnm_local(level_, hit.face, at, ln, e);
+                kiln_level_eval_rnm_luxel(level_, face.chart, st[0], st[1], ln, e);
         }
         const Rgb irradiance{e[0], e[1], e[2]};
         const auto per_pi = static_cast<float>(1 / kPi);
@@ -278,13 +309,11 @@ private:
     }
 
     Rgb lit_name(const Surface& hit, std::uint64_t name) const { // with a little shape
-        const kiln_face& f = faces_[hit.face];
-        const Vec3 n{f.normal[0], f.normal[1], f.normal[2]};
+        const Vec3 n = face_normal(hit);
         return name_colour(name) * static_cast<float>(0.4 + 0.6 * std::abs(dot(n, hit.view)));
     }
     std::uint64_t cluster_of(const Surface& hit) const {
-        const kiln_face& f = faces_[hit.face];
-        const Vec3 p = hit.point + Vec3{f.normal[0], f.normal[1], f.normal[2]} * 0.25;
+        const Vec3 p = hit.point + face_normal(hit) * 0.25;
         const double at[3] = {p.x, p.y, p.z};
         const std::uint32_t leaf = kiln_level_find_leaf(level_, at);
         const auto leaves = part(level_, kiln_level_leaves);
@@ -294,12 +323,12 @@ private:
         const kiln_face& face = faces_[hit.face];
         if (face.chart == KILN_NO_INDEX) return {0.05f, 0.05f, 0.05f};
         const kiln_chart& c = charts_[face.chart];
-        const Vec3 d{hit.point.x - c.origin[0], hit.point.y - c.origin[1], hit.point.z - c.origin[2]};
-        const auto axis = [&](const double* a, std::uint32_t size) {
-            const double x = std::floor((d.x * a[0] + d.y * a[1] + d.z * a[2]) / c.luxel_size);
-            return static_cast<std::size_t>(std::clamp(x, 0.0, static_cast<double>(size - 1)));
+        double uv[2] = {}, st[2] = {};
+        coordinates(hit, uv, st);
+        const auto texel = [&](double at, std::uint32_t size) {
+            return static_cast<std::size_t>(std::clamp(std::floor(at), 0.0, static_cast<double>(size - 1)));
         };
-        const std::size_t x = axis(c.s, c.width), y = axis(c.t, c.height);
+        const std::size_t x = texel(st[0], c.width), y = texel(st[1], c.height);
         if (options_.show == Show::luxels) return luxel_colour(c.luxel_size) * ((x + y) & 1 ? 1.0f : 0.6f);
         if (quality_[c.page].valid.empty()) return {0.2f, 0.2f, 0.2f};
         const Quality& q = quality_[c.page];

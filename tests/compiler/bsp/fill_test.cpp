@@ -1,5 +1,6 @@
 // What lies outside, leaks and their paths, gaps too small to count.
 #include "tests/compiler/bsp/support.h"
+#include <algorithm>
 #include <gmock/gmock.h>
 
 namespace kiln {
@@ -94,6 +95,95 @@ TEST(Leak, EachOpeningIsReported) {
     ASSERT_TRUE(b.leak);
     EXPECT_GT(b.leak->hole.x, 250); // the nearer
     EXPECT_THAT(b.diagnostics[1].message, testing::HasSubstr("(0 192 64)"));
+}
+
+TEST(Leak, TheOpeningIsMeasured) {
+    for (const double hole : {1., 8., 40.}) {
+        WorldBuilder w = room_with_hole(hole, 100, 40);
+        w.point_entity("light", {200, 100, 64});
+        const Built b = test::build(w.world);
+        ASSERT_EQ(b.leaks.size(), 1u);
+        EXPECT_DOUBLE_EQ(b.leak->area, hole * hole);
+        EXPECT_DOUBLE_EQ(b.leak->width, hole);
+        EXPECT_DOUBLE_EQ(b.leak->length, length_of(b.leak->path));
+        EXPECT_THAT(b.diagnostics[0].message, testing::HasSubstr(std::to_string(static_cast<int>(hole)) + " wide, " + std::to_string(static_cast<int>(hole * hole)) + " square units"));
+    }
+    // Of several portals in one plane: the whole hole counts. A hint divides it.
+    WorldBuilder w = room_with_hole(40, 100, 40);
+    w.box({250, 110, 0}, {280, 120, 128}, Contents::hint);
+    w.point_entity("light", {200, 100, 64});
+    const Built b = test::build(w.world);
+    ASSERT_EQ(b.leaks.size(), 1u);
+    EXPECT_NEAR(b.leak->area, 1600, 1e-9);
+    EXPECT_NEAR(b.leak->width, 40, 1e-9);
+}
+
+// What the designer closed the hole with, if it does not seal, is named.
+TEST(Leak, WhatDoesNotSealIsNamed) {
+    struct Case {
+        Contents contents;
+        const char* classname; // nullptr: of the world
+        bool into_world;       // merged into it, as func_detail is
+        const char* said;
+    };
+    for (const Case& c : {Case{Contents::detail, "func_detail", true, "it passes through func_detail 10 (line "},
+                          Case{Contents::detail, nullptr, true, "detail brush 10 (line "},
+                          Case{Contents::solid, "func_door", false, "func_door 10 (line "},
+                          Case{Contents::water, nullptr, true, "water brush 10 (line "},
+                          Case{Contents::window, "func_breakable", false, "window of func_breakable 10 (line "},
+                          Case{Contents::clip, nullptr, true, "clip brush 10 (line "},
+                          Case{Contents::area_portal, "func_areaportal", true, "area portal of func_areaportal 10 (line "}}) {
+        WorldBuilder w = room_with_hole(16, 100, 40);
+        const ModelId model = c.classname ? w.model(c.classname) : ModelId{0};
+        const BrushId plug = w.box({256, 96, 36}, {264, 120, 60}, c.contents, model);
+        w.box({20, 20, 0}, {60, 60, 60}, Contents::detail); // not in the way
+        w.box({190, 90, 0}, {210, 110, 128}, Contents::trigger);
+        if (c.into_world) w.world.brushes[plug.at()].model = ModelId{0};
+        w.point_entity("light", {200, 100, 64});
+        const Built b = test::build(w.world);
+        ASSERT_TRUE(b.leak) << c.said;
+        EXPECT_THAT(b.leak->passes, testing::ElementsAre(plug)) << c.said;
+        const auto leak = std::ranges::find(b.diagnostics, "leak", &Diagnostic::code); // others may be told before
+        ASSERT_NE(leak, b.diagnostics.end());
+        EXPECT_THAT(leak->message, testing::HasSubstr(c.said));
+        EXPECT_THAT(leak->message, testing::HasSubstr("does not seal"));
+        EXPECT_THAT(leak->message, testing::HasSubstr("line " + std::to_string(w.world.brushes[plug.at()].line)));
+    }
+    // A displacement: its brush would have sealed.
+    WorldBuilder w = room_with_hole(16, 100, 40);
+    const BrushId plug = w.box({256, 96, 36}, {264, 120, 60}, Contents::detail);
+    w.world.brushes[plug.at()].displaced = true;
+    w.point_entity("light", {200, 100, 64});
+    const Built b = test::build(w.world);
+    ASSERT_TRUE(b.leak);
+    EXPECT_THAT(b.diagnostics[0].message, testing::HasSubstr("displacement"));
+}
+
+TEST(Leak, NearestToTheHoleIsNamedFirst) {
+    WorldBuilder w = room_with_hole(16, 100, 40);
+    const BrushId far = w.box({100, 0, 0}, {110, 256, 128}, Contents::detail), near = w.box({240, 0, 0}, {250, 256, 128}, Contents::detail);
+    w.point_entity("light", {50, 100, 64});
+    const Built b = test::build(w.world);
+    ASSERT_TRUE(b.leak);
+    EXPECT_THAT(b.leak->passes, testing::ElementsAre(near, far));
+}
+
+// More holes than anyone wants to read about: all are known.
+TEST(Leak, AllOfManyOpeningsAreKnown) {
+    WorldBuilder w;
+    auto walls = w.room({0, 0, 0}, {1024, 256, 128});
+    w.world.brushes[walls[5].at()].contents = Contents::trigger; // the ceiling: slats with slits between
+    for (int i = 0; i < 32; ++i) w.box({i * 32.0, 0, 128}, {i * 32.0 + 28, 256, 144});
+    w.point_entity("light", {512, 128, 64});
+    const Built b = test::build(w.world);
+    EXPECT_EQ(b.leaks.size(), 32u);
+    for (std::size_t i = 0; i < b.leaks.size(); ++i) {
+        EXPECT_NEAR(b.leaks[i].width, 4, 1e-9);
+        EXPECT_NEAR(b.leaks[i].area, 4 * 256, 1e-9);
+        EXPECT_GE(b.leaks[i].length, b.leaks[i ? i - 1 : 0].length);
+    }
+    ASSERT_EQ(b.count("leak"), 17u);
+    EXPECT_THAT(b.diagnostics[16].message, testing::HasSubstr("and 16 more leaks"));
 }
 
 TEST(Leak, AllowedLeakIsAWarningAndSeesEverything) {

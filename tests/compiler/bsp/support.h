@@ -11,6 +11,7 @@ struct Built {
     Csg csg;
     Bsp bsp;
     std::optional<Leak> leak;
+    std::vector<Leak> leaks;
     std::vector<Diagnostic> diagnostics;
 
     std::size_t count(std::string_view code) const {
@@ -46,7 +47,7 @@ inline Built build(World world, const BspOptions& options = {}) {
         ADD_FAILURE() << to_text(leaks.fault().diagnostic);
         return b;
     }
-    b.leak = std::move(leaks->leak);
+    b.leak = std::move(leaks->leak), b.leaks = std::move(leaks->leaks);
     if (b.leak) { // as the whole compiler does it where leaks are allowed
         BspOptions open = options;
         open.fill = false;

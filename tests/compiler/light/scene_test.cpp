@@ -81,7 +81,7 @@ TEST(Patches, AreCutWhereAWallStands) {
                 const LuxelPiece& piece = b.surfaces.pieces[table.pieces[k]];
                 const Chart& c = b.surfaces.charts[b.surfaces.faces[piece.face.at()].chart.at()];
                 for (const Vec2 v : points_of(b.surfaces, piece))
-                    box[p].add(world_from_luxel(b.surfaces, c, piece.face, v));
+                    box[p].add(world_from_luxel(b.surfaces, piece.face, v));
                 area += polygon_area(points_of(b.surfaces, piece)) * c.luxel_size * c.luxel_size;
             }
             EXPECT_NEAR(area, table.patches[p].area, 1e-6 * area);
@@ -107,11 +107,11 @@ TEST(Patches, AreFoundFromPoints) {
         const LuxelPiece& piece = b.surfaces.pieces[i];
         const Chart& c = b.surfaces.charts[b.surfaces.faces[piece.face.at()].chart.at()];
         Footprint f;
-        f.add_piece(b.surfaces, c, piece);
+        f.add_piece(b.surfaces, piece);
         const Sobol points(i);
         for (std::uint32_t k = 0; k < 4; ++k)
             EXPECT_EQ(patch_at(b.surfaces, index, table.texel_patch, table.piece_patch, table.face_patch,
-                               piece.face, f.sample(points.pair(k, 0))),
+                               piece.face, f.sample(points.pair(k, 0)).position),
                       table.piece_patch[i]);
     }
 }

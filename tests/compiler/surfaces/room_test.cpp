@@ -153,8 +153,12 @@ TEST(Surfaces, WaterShowsFromBothSidesAndLetsLightThrough) {
             EXPECT_TRUE(f.drawn && !f.two_sided && !f.blocks_light && f.chart.valid());
         }
     EXPECT_EQ(panes, 6u);
-    // Walls are one face above and below the water line.
-    EXPECT_EQ(faces_on(s, {1, 0, 0}, 0).size(), 1u);
+    // Walls are a face above the water line and one below, for fog and the like, lit as one.
+    const std::vector<FaceId> wall = faces_on(s, {1, 0, 0}, 0);
+    ASSERT_EQ(wall.size(), 2u);
+    EXPECT_EQ(std::min(s.faces[wall[0].at()].area, s.faces[wall[1].at()].area), 256. * 32);
+    EXPECT_EQ(std::max(s.faces[wall[0].at()].area, s.faces[wall[1].at()].area), 256. * 96);
+    EXPECT_EQ(s.faces[wall[0].at()].chart, s.faces[wall[1].at()].chart);
     EXPECT_EQ(unmatched_hull_edges(s), 0u);
 }
 

@@ -73,8 +73,8 @@ TEST(World, ContentsFollowTheSides) {
         {{"*water1"}, Contents::water, true, false, false},
         {{"*slime1", "null"}, Contents::slime, true, false, false},
         {{"*lava1"}, Contents::lava, true, false, false},
-        {{"{fence"}, Contents::window, true, true, false},
-        {{"{fence", "null"}, Contents::window, true, true, false},
+        {{"{fence"}, Contents::grate, true, true, false},
+        {{"{fence", "null"}, Contents::grate, true, true, false},
         {{"clip"}, Contents::clip, false, true, false},
         {{"trigger"}, Contents::trigger, false, false, false},
         {{"hint", "hintskip"}, Contents::hint, false, false, false},
@@ -143,7 +143,7 @@ TEST(World, EntitiesJoinTheWorldOrBecomeModels) {
         {3, Contents::solid, 1, true, true, false},         {3, Contents::solid, 1, true, true, false},
         {5, Contents::trigger, 2, false, false, false},     {6, Contents::window, 0, true, true, true},
         {7, Contents::window, 0, true, false, true},        {8, Contents::solid, 3, true, false, false},
-        {9, Contents::area_portal, 0, false, false, false}, {11, Contents::solid, 4, true, true, true},
+        {9, Contents::area_portal, 0, false, false, false}, {10, Contents::vis_cluster, 0, false, false, false}, {11, Contents::solid, 4, true, true, true},
         {12, Contents::detail, 0, true, true, true},
     };
     ASSERT_EQ(w->brushes.size(), std::size(expected));
@@ -160,7 +160,6 @@ TEST(World, EntitiesJoinTheWorldOrBecomeModels) {
     EXPECT_FALSE(w->entities[1].model.valid());
     EXPECT_TRUE(w->entities[4].has_origin);
     EXPECT_EQ(w->entities[4].origin, (Vec3{1, 2, 3}));
-    EXPECT_EQ(count(c, "not-handled-viscluster"), 1u);
 }
 
 TEST(World, OriginBrushesNameTheMiddleOfTheirBox) {
@@ -203,7 +202,7 @@ TEST(World, WhatIsNotHandledIsToldOnceAKind) {
     EXPECT_EQ(first(c, "not-handled-decal")->where.entity, 2);
 }
 
-TEST(World, DisplacementsStandInAsDetail) {
+TEST(World, WhatCannotBeDisplacedStaysFlatAndSealsNothing) {
     const std::string side = "side { \"id\" \"1\" \"plane\" \"(0 0 0) (0 64 0) (64 0 0)\" \"material\" \"wall\" "
                              "\"lightmapscale\" \"32\" dispinfo { } }\n";
     const std::string map = "world { \"id\" \"1\" \"classname\" \"worldspawn\" solid { \"id\" \"2\" " + side +
@@ -219,11 +218,33 @@ TEST(World, DisplacementsStandInAsDetail) {
     ASSERT_TRUE(w);
     EXPECT_EQ(w->brushes[0].contents, Contents::detail);
     EXPECT_EQ(w->sides[0].lightmap_scale, 32);
-    EXPECT_EQ(w->sides[0].displacement, 0);
-    EXPECT_EQ(count(c, "not-handled-displacement"), 1u);
-    EXPECT_TRUE(first(c, "not-handled-displacement")->message.starts_with("2 displacements"));
+    EXPECT_EQ(w->sides[0].displacement, -1);
+    EXPECT_FALSE(w->brushes[0].displaced);
+    EXPECT_TRUE(w->displacements.empty());
+    EXPECT_EQ(count(c, "displacement-power-invalid"), 2u); // told once, by the reader
+    EXPECT_EQ(count(c, "displacement-invalid"), 0u);
+    EXPECT_EQ(first(c, "displacement-power-invalid")->where.side, 1);
     EXPECT_EQ(count(c, "origin-invalid"), 1u);
     EXPECT_FALSE(w->entities[1].has_origin);
+}
+
+// brushDef counts repeats of the texture: texels come of the material's size, and mean the same place on it.
+TEST(World, RepeatsOfATextureBecomeTexels) {
+    std::string rows;
+    for (const char* plane : {"0 0 1", "0 0 -1", "0 1 0", "0 -1 0", "1 0 0", "-1 0 0"})
+        rows += "( " + std::string(plane) + " -64 ) ( ( 0.25 0 0.5 ) ( 0 0.125 3 ) ) \"wide\" 0 0 0\n";
+    const std::string map = entity("worldspawn", "{\nbrushDef3\n{\n" + rows + "}\n}\n");
+    Context c;
+    MaterialDatabase db;
+    ASSERT_TRUE(db.add_json(R"({"materials": {"wide": {"size": [128, 32]}}})", "m.json", c));
+    const Result<World> w = build(map, c, &db);
+    ASSERT_TRUE(w) << to_text(w.fault().diagnostic);
+    ASSERT_EQ(w->materials[0].width, 128);
+    const DocTexture& t = w->sides[0].texture; // looks up: u along y, v along x
+    EXPECT_FALSE(t.in_repeats);
+    const Vec3 p{8, 4, 64};
+    EXPECT_DOUBLE_EQ(dot(p, t.u_axis) / t.u_scale + t.u_shift, (0.25 * 4 + 0.5) * 128);
+    EXPECT_DOUBLE_EQ(dot(p, t.v_axis) / t.v_scale + t.v_shift, (0.125 * 8 + 3) * 32);
 }
 
 TEST(World, PlacesLeadBackToTheMap) {

@@ -15,6 +15,32 @@ Decimal decimal(const std::string& text) {
     return d.value_or(Decimal{});
 }
 
+// Short texts go a short way; zeros in front send the same number the long one.
+TEST(Decimal, ShortAndLongTextsAreReadAlike) {
+    std::mt19937 random(12);
+    const std::string letters = "0123456789012345678900..-+e";
+    int numbers = 0;
+    for (int i = 0; i < 300000; ++i) {
+        std::string text;
+        for (auto n = random() % 18 + 1; n > 0; --n) text += letters[random() % letters.size()];
+        const std::size_t sign = text[0] == '-' || text[0] == '+';
+        if (sign == text.size() || text[sign] == '-' || text[sign] == '+' || text[sign] == 'e') continue;
+        const std::optional<Decimal> a = parse_decimal(text);
+        const std::optional<Decimal> b = parse_decimal(text.substr(0, sign) + std::string(20, '0') + text.substr(sign));
+        // Zeros alone make a number of what has no digit.
+        if (!a && b && text.find_first_of("0123456789") == std::string::npos) continue;
+        if (!a && b) {
+            EXPECT_EQ(text[sign], '.') << text;
+        }
+        if (!a || !b) continue;
+        ++numbers;
+        EXPECT_EQ(a->mantissa, b->mantissa) << text;
+        EXPECT_EQ(a->exponent, b->exponent) << text;
+        EXPECT_EQ(a->exact, b->exact) << text;
+    }
+    EXPECT_GT(numbers, 10000);
+}
+
 TEST(Decimal, ReadsWhatMapsContain) {
     const struct {
         const char* text;

@@ -22,6 +22,13 @@ int kiln_c_api_test(const void* bytes, size_t size) {
     const double air[3] = {1, 2, 3};
     if (kiln_level_find_leaf(level, air) != 0) return __LINE__;
     if (!kiln_level_cluster_visible(level, 0, 0)) return __LINE__;
+    /* An empty room: its walls are leaves without brushes. */
+    kiln_trace trace;
+    const double end[3] = {50, 2, 3}, mins[3] = {-16, -16, 0}, maxs[3] = {16, 16, 72};
+    if (kiln_trace_box(level, air, end, mins, maxs, KILN_MASK_PLAYERS, &trace) != KILN_OK) return __LINE__;
+    if (trace.fraction != 1 || trace.brush != KILN_NO_INDEX || trace.end[0] != 50) return __LINE__;
+    uint32_t contents = 1;
+    if (kiln_point_contents(level, air, &contents) != KILN_OK || contents != 0) return __LINE__;
     if (!kiln_level_meta_json(level, NULL)) return __LINE__;
     if (strcmp(kiln_level_entity_value(level, 0, "classname"), "worldspawn") != 0) return __LINE__;
     kiln_level_close(level);

@@ -46,6 +46,8 @@ TEST(LevelGolden, Version1) {
     for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(rgb[k], stored[k], 0.6);
     std::size_t words = 0;
     EXPECT_EQ(kiln_level_pvs_row(level.get(), 3, &words)[0], wanted.vis_rows[3]);
+    std::size_t bevels = 0; // of a later day
+    EXPECT_EQ(kiln_level_brush_bevels(level.get(), 1, &bevels), nullptr);
 }
 
 } // namespace kiln::level

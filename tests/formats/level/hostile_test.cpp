@@ -43,6 +43,18 @@ int use_everything(const Bytes& bytes) {
         const std::uint32_t probe = kiln_level_nearest_cubemap(level, p);
         kiln_level_sample_cubemap(level, probe, n, 0.4f, rgb), kiln_level_sample_cubemap(level, probe, bad, NAN, rgb);
         kiln_level_parallax_direction(level, probe, p, n, rgb);
+        const double none[3] = {}, mins[3] = {-16, -16, -24}, maxs[3] = {16, 16, 32};
+        kiln_trace trace{};
+        std::uint32_t contents = 0;
+        for (const auto& q : points) {
+            kiln_trace_box(level, p, q, mins, maxs, UINT32_MAX, &trace), kiln_trace_box(level, p, q, none, none, 0xffffff, &trace);
+            for (std::uint32_t m = 0; m < std::min(info.models, 5u); ++m) kiln_trace_model(level, m, none, p, q, mins, maxs, 0xffffff, &trace);
+        }
+        kiln_point_contents(level, p, &contents), kiln_model_point_contents(level, 1, none, p, &contents);
+    }
+    for (std::uint32_t b = 0; b < std::min(info.brushes, 40u); ++b) {
+        std::size_t bevels = 0;
+        kiln_level_brush_bevels(level, b, &bevels);
     }
     for (std::int32_t c = 0; c < static_cast<std::int32_t>(std::min(info.clusters, 80u)); ++c) {
         kiln_level_cluster_visible(level, c, 1);
@@ -187,6 +199,64 @@ TEST(LevelHostile, LoopsInTreesEnd) {
     EXPECT_EQ(kiln_level_find_leaf(level.get(), std::array{0.0, 0.0, 0.0}.data()), KILN_NO_INDEX);
     float cube[6][3];
     EXPECT_EQ(kiln_level_ambient(level.get(), std::array{0.0, 0.0, 0.0}.data(), cube), KILN_NONE);
+}
+
+namespace {
+kiln_status fall(const Level& level, double half, kiln_trace* trace) {
+    const double start[3] = {0, 0, 100}, end[3] = {0, 0, -100}, mins[3] = {-half, -half, -half}, maxs[3] = {half, half, half};
+    return kiln_trace_box(level.get(), start, end, mins, maxs, KILN_MASK_PLAYERS, trace);
+}
+} // namespace
+
+TEST(LevelHostile, DamagedCollisionStopsTracesNotTheRest) {
+    LevelContent c = test::constant_room({1, 1, 1});
+    test::add_brush(c);
+    const Bytes good = write_level(c);
+    kiln_trace trace{};
+    ASSERT_EQ(fall(Level(good), 8, &trace), KILN_OK);
+    EXPECT_DOUBLE_EQ(trace.end[2], 16 + 8 + KILN_TRACE_DISTANCE);
+    const auto spoil = [&](const char* lump, std::size_t at, double value) {
+        Forge bad(good);
+        std::memcpy(bad[lump].bytes.data() + at, &value, 8);
+        return bad.bytes();
+    };
+    // One brush, one bevel: its count, then normal x, y, z and distance.
+    for (const std::size_t at : {0u, 4u, 12u, 20u, 28u})
+        for (const double value : {double(NAN), double(INFINITY), 1e301}) {
+            const Bytes bad = spoil("BEVL", at, value);
+            const Level level(bad);
+            EXPECT_EQ(fall(level, 8, &trace), KILN_DAMAGED) << at;
+            EXPECT_EQ(fall(level, 0, &trace), KILN_DAMAGED);
+            EXPECT_EQ(level.brushes().size(), 1u);
+            EXPECT_EQ(kiln_level_brush_bevels(level.get(), 0, nullptr), nullptr);
+        }
+    LevelContent loop = c;
+    loop.nodes[3].child = {1, 1};
+    const Bytes looped = write_level(loop);
+    EXPECT_EQ(fall(Level(looped), 8, &trace), KILN_DAMAGED);
+    std::mt19937_64 random(5);
+    for (int i = 0; i < 2000; ++i) {
+        Forge bad(good);
+        const char* names[] = {"BEVL", "BRSH", "PLNS", "NODE", "LEAF"};
+        Bytes& l = bad[names[i % 5]].bytes;
+        l[random() % l.size()] = static_cast<std::uint8_t>(random());
+        use_everything(bad.bytes());
+    }
+}
+
+// Written before there were bevels: rays are traced, boxes are not traced wrongly.
+TEST(LevelHostile, ALevelWithoutBevelsTracesRays) {
+    LevelContent c = test::constant_room({1, 1, 1});
+    test::add_brush(c);
+    Forge old(write_level(c));
+    std::erase_if(old.lumps, [](const Forge::Lump& l) { return l.name() == "BEVL" || l.name() == "BBLK"; });
+    const Bytes bytes = old.bytes();
+    const Level level(bytes);
+    kiln_trace trace{};
+    EXPECT_EQ(kiln_level_check(level.get(), nullptr), KILN_OK);
+    EXPECT_EQ(fall(level, 8, &trace), KILN_MISSING);
+    ASSERT_EQ(fall(level, 0, &trace), KILN_OK);
+    EXPECT_DOUBLE_EQ(trace.end[2], 16 + KILN_TRACE_DISTANCE);
 }
 
 TEST(LevelHostile, NotALevel) {

@@ -77,6 +77,13 @@ TEST_P(RoundTrip, TreeAndBrushes) {
         EXPECT_EQ(brushes[i].contents, b.contents);
         ASSERT_EQ(brushes[i].plane_count, b.planes.size());
         expect_same(level.brush_planes().data() + brushes[i].first_plane, b.planes);
+        std::size_t bevels = 0;
+        const kiln_bevel* bevel = kiln_level_brush_bevels(level.get(), i, &bevels);
+        ASSERT_EQ(bevels, b.bevels.size());
+        for (std::size_t k = 0; k < bevels; ++k) {
+            expect_same(bevel[k].normal, b.bevels[k].normal);
+            EXPECT_EQ(bevel[k].distance, b.bevels[k].distance);
+        }
         kiln_source s{};
         ASSERT_EQ(kiln_level_brush_source(level.get(), i, &s), KILN_OK);
         EXPECT_EQ(s.entity, b.source_entity);

@@ -94,6 +94,16 @@ template <class Value> LevelContent room(std::uint8_t encoding, bool directional
     c.entities.push_back({.keys = {{"classname", "worldspawn"}, {"message", "a \"room\"\\ \xff"}}, .model = 0, .source_line = 1});
     return c;
 }
+// A cube [-16, 16]^3 in the middle of the room, with a bevel at its edge x = y = 16.
+inline void add_brush(LevelContent& c, std::uint8_t contents = 1, std::uint32_t model = 0) {
+    Brush b;
+    b.contents = contents, b.model = model;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        for (const int sign : {1, -1}) b.planes.push_back(add_axial_plane(c, axis, sign * 16) + (sign < 0 ? 1u : 0u)), b.source_sides.push_back(0);
+    b.bevels.push_back({{std::sqrt(0.5), std::sqrt(0.5), 0}, 32 * std::sqrt(0.5)});
+    if (model == 0) c.leaves[0].brushes.push_back(static_cast<std::uint32_t>(c.brushes.size()));
+    c.brushes.push_back(b);
+}
 inline LevelContent constant_room(Float3 e, bool directional = false) {
     return room(0, directional, [&](std::size_t, std::uint32_t, std::uint32_t) {
         const float s = 1 / std::sqrt(3.0f);
@@ -183,6 +193,12 @@ inline LevelContent mixture(std::uint64_t seed, std::uint32_t size = 20, std::ui
         b.model = below(3), b.contents = static_cast<std::uint8_t>(below(11)), b.source_id = static_cast<std::int32_t>(i) + 7;
         b.source_entity = 2, b.source_line = static_cast<std::int32_t>(below(1000));
         for (std::uint32_t k = 4 + below(4); k-- > 0;) b.planes.push_back(below(planes)), b.source_sides.push_back(static_cast<std::int32_t>(below(99)));
+        for (std::size_t slot = 0; slot < 6 && i % 3; ++slot) {
+            Bevel bevel;
+            bevel.normal[slot / 2] = slot % 2 ? 1 : -1, bevel.distance = 0.125 * i + static_cast<double>(slot);
+            b.bevels.push_back(bevel);
+        }
+        if (i % 4 == 0) b.bevels.push_back({{0.6, 0, -0.8}, -9.5 - i});
         c.brushes.push_back(b);
     }
     for (std::uint32_t i = 0; i < 4; ++i) {

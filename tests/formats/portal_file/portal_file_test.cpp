@@ -84,9 +84,9 @@ TEST(PortalFile, DamagedText) {
 
 TEST(Trail, PointsAreDenseAndCornersStay) {
     const std::vector<Vec3> path{{0, 0, 0}, {10, 0, 0}, {10, 0.5, 0}};
-    EXPECT_EQ(write_lin(path), "0 0 0\n10 0 0\n10 0.5 0\n");
+    EXPECT_EQ(write_lin(path), "10 0.5 0\n10 0 0\n0 0 0\n");
     EXPECT_EQ(write_pts(path, 5), "0 0 0\n5 0 0\n10 0 0\n10 0.5 0\n");
-    EXPECT_EQ(*read_trail(bytes_of(write_lin(path)), "x.lin"), path);
+    EXPECT_EQ(*read_trail(bytes_of(write_lin(path)), "x.lin"), (std::vector<Vec3>{path.rbegin(), path.rend()}));
     EXPECT_EQ(write_pts({}), "");
     EXPECT_FALSE(read_trail(bytes_of("1 2"), "x.pts"));
 }

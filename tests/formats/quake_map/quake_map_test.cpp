@@ -1,5 +1,5 @@
 #include "formats/quake_map/quake_map.h"
-#include "formats/quake_map/row.h"
+#include "formats/quake_map/projection.h"
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -8,6 +8,9 @@
 #include <iterator>
 #include <numbers>
 #include <random>
+#include <string>
+
+using namespace std::string_literals;
 
 namespace kiln {
 namespace {
@@ -145,18 +148,21 @@ TEST(QuakeMap, StandardRotationTurnsBothAxesInTheirPlane) {
         }
 }
 
-TEST(QuakeMap, PrimitivesAreSkippedWithANoteEach) {
+TEST(QuakeMap, UnknownPrimitivesAreSkippedAndTold) {
     Context c;
-    const Result<Document> d = read(
-        world("{\npatchDef2\n{\ncommon/x\n( 3 3 0 0 0 )\n(\n( ( 1 2 3 0 0 ) )\n)\n}\n}\n"
-              "{\nbrushDef\n{\n( 0 0 0 ) ( 1 0 0 ) ( 0 1 0 ) ( ( 1 0 0 ) ( 0 1 0 ) ) common/caulk 0 0 0\n}\n}\n" +
-              brush(kPoints + "a 0 0 0 1 1\n")),
-        c);
+    const Result<Document> d = read(world("{\nterrainDef\n{\nTERRAIN\n3 3 0 0 64\n{ a }\n}\n}\n{\nterrainDef\n{\n}\n}\n"
+                                          "{\nmesh\n{\n( 0 0 0 ) x\n}\n}\n" +
+                                          brush(kPoints + "a 0 0 0 1 1\n")),
+                                    c);
     ASSERT_TRUE(d);
-    EXPECT_EQ(d->entities[0].skipped_primitives, 2u);
+    EXPECT_EQ(d->entities[0].skipped_primitives, 3u);
     ASSERT_EQ(d->entities[0].brushes.size(), 1u);
-    EXPECT_EQ(d->entities[0].brushes[0].id, 2); // ordinals count what was skipped
-    EXPECT_EQ(count(c, "primitive-not-handled"), 2u);
+    EXPECT_EQ(d->entities[0].brushes[0].id, 3); // ordinals count what was skipped
+    ASSERT_EQ(c.diagnostics().size(), 2u);      // one a kind
+    EXPECT_EQ(c.diagnostics()[0].code, "primitive-not-handled");
+    EXPECT_EQ(c.diagnostics()[0].where, (SourceLocation{"t.map", 4, 0, 0}));
+    EXPECT_EQ(c.diagnostics()[1].code, "primitive-unknown");
+    EXPECT_EQ(c.diagnostics()[1].severity, Severity::warning);
 }
 
 TEST(QuakeMap, FaultyRowsLeaveTheirBrushOutAndAreAllTold) {
@@ -214,6 +220,14 @@ TEST(QuakeMap, BadFilesGiveLocatedFaults) {
         {world(good) + "}\n", "unbalanced-braces", 7},
         {"{\n\"classname\" \"worldspawn\n}\n", "string-unterminated", 2},
         {"{\n\"classname\"\n\"worldspawn\"\n}\n", "syntax", 2},
+        {"{\n\"classname\" \"worldspawn\"\n{\n" + kPoints + "a 0 0 0 1 1\n" + good + "}\n}\n", "unbalanced-braces", 5}, // a brace is missing
+        {world("{\nbrushDef\n{\n{ }\n}\n}\n"), "unbalanced-braces", 6},
+        {world("{\nbrushDef\n}\n"), "syntax", 5},
+        {"{\nclassname\n}\n", "syntax", 2},
+        {"{\nclassname worldspawn x\n}\n", "syntax", 2},
+        {std::string("\xFF\xFE{\0", 4), "not-text", 1},
+        {"{\n\"classname\" \"world\0spawn\"\n}\n"s, "not-text", 2},
+        {std::string(200000, '{'), "unbalanced-braces", 1},
     };
     for (const auto& k : cases) {
         Context c;
@@ -225,10 +239,72 @@ TEST(QuakeMap, BadFilesGiveLocatedFaults) {
     }
 }
 
+// Unusual text: what is read, and the code where something is amiss.
+TEST(QuakeMap, UnusualText) {
+    const std::string good = world(brush(kPoints + "a 0 0 0 1 1\n"));
+    std::string cr = "// Game: Quake\n" + good, crlf;
+    for (char& ch : cr) ch = ch == '\n' ? '\r' : ch;
+    for (const char ch : good) crlf += ch == '\n' ? "\r\n" : std::string(1, ch);
+    const auto row = [](const std::string& points) { return world(brush(points + " a 0 0 0 1 1\n")); };
+    const struct {
+        std::string text, code; // "": nothing to tell
+        std::size_t brushes;
+    } cases[] = {
+        {good, "", 1},
+        {cr, "", 1},
+        {crlf, "", 1},
+        {"\xEF\xBB\xBF" + good, "", 1},
+        {good + std::string(5, '\0'), "", 1},
+        {"\t\v\f" + good + "\n\n; the end", "", 1},
+        {"Version 2\n" + good, "", 1},
+        {row("( +0 -0 .0 ) ( 0. 64.000 0e0 ) ( 6.4e1 0 0 )"), "", 1},
+        {row("(0 0 0)(0 64 0)(64 0 1e-400)"), "", 1},
+        {world("\"" + std::string(300, 'k') + "\" \"" + std::string(3000000, 'v') + "\"\n"), "", 0},
+        {"{\nclassname worldspawn\n}\n", "key-unquoted", 0},
+        {"{\n\"classname\" worldspawn // a comment\nlight \"300\"}\n", "key-unquoted", 0},
+        {row("( 0 0 0 ) ( 0 64 0 ) ( 64 0 1e400 )"), "coordinate-out-of-range", 0},
+        {row("( 0 0 0 ) ( 0 64 0 ) ( 64 0 0x10 )"), "coordinate-not-a-number", 0},
+        {row("( 0 0 0 ) ( 0 64 0 ) ( 64 0 -nan )"), "coordinate-not-a-number", 0},
+        {row("( 0 0 0 ) ( 0 64 0 ) ( 64 0 1,5 )"), "coordinate-not-a-number", 0},
+        {world(brush(kPoints + "a 0 0 0 nan 1\n")), "texture-number-unreadable", 1},
+        {world(brush(kPoints + "a 0 1e31 0 1 1\n")), "texture-number-unreadable", 1},
+        {world(brush(kPoints + "a 0 0 0 1e-31 1\n")), "texture-scale-zero", 1},
+        {world(brush(kPoints + "\"\" 0 0 0 1 1\n")), "material-missing", 1},
+        {world(brush(kPoints + "a 0 0 0 1 1 0 0 0 what is this\n")), "row-extra-words", 1},
+    };
+    for (const auto& k : cases) {
+        Context c;
+        const Result<Document> d = read(k.text, c);
+        ASSERT_TRUE(d) << k.text.substr(0, 200) << to_text(d.fault().diagnostic);
+        EXPECT_EQ(d->entities[0].get("classname"), "worldspawn");
+        EXPECT_EQ(d->entities[0].brushes.size(), k.brushes) << k.text.substr(0, 200);
+        if (k.code.empty()) {
+            ASSERT_TRUE(c.diagnostics().empty()) << k.text.substr(0, 200) << to_text(c.diagnostics()[0]);
+            continue;
+        }
+        ASSERT_FALSE(c.diagnostics().empty()) << k.text;
+        EXPECT_EQ(c.diagnostics()[0].code, k.code);
+        EXPECT_GT(c.diagnostics()[0].where.line, 1);
+    }
+}
+
+TEST(QuakeMap, AMillionEntities) {
+    std::string text = world(brush(kPoints + "a 0 0 0 1 1\n"));
+    for (int i = 0; i < 1000000; ++i) text += "{\"classname\" \"light\"}\n";
+    Context c;
+    const Result<Document> d = read(text, c);
+    ASSERT_TRUE(d);
+    EXPECT_EQ(d->entities.size(), 1000001u);
+    EXPECT_EQ(d->entities.back().line, 1000006);
+}
+
 TEST(QuakeMap, DamagedFilesNeverCrash) {
     const std::string text =
         world(brush(kPoints + "a 0 0 0 1 1\n" + kPoints + "{b [ 1 0 0 0 ] [ 0 1 0 0 ] 0 1 1 0 4 0\n") +
-              "{\npatchDef2\n{\ncommon/x\n( 3 3 0 0 0 )\n}\n}\n") +
+              "{\npatchDef2\n{\ncommon/x\n( 3 3 0 0 0 )\n(\n( ( 0 0 0 0 0 ) ( 0 1 0 0 1 ) ( 0 2 0 0 2 ) )\n( ( 1 0 0 0 0 ) ( 1 1 0 0 1 ) ( 1 2 0 0 2 ) )\n"
+              "( ( 2 0 0 0 0 ) ( 2 1 0 0 1 ) ( 2 2 0 0 2 ) )\n)\n}\n}\n"
+              "{\nbrushDef3\n{\n( 0 0.6 0.8 -64 ) ( ( 0.5 0 0 ) ( 0 0.5 0 ) ) \"x y\" 0 0 0\n}\n}\n"
+              "{\nbrushDef\n{\n" + kPoints + "( ( 0.5 0 0 ) ( 0 0.5 0 ) ) common/x 0 0 0\n}\n}\n") +
         "{\n\"classname\" \"light\"\n\"message\" \"\\\"x\\\"\"\n; quark\n}\n";
     const auto check = [](const std::string& t) {
         Context c;
@@ -283,9 +359,19 @@ TEST(QuakeMap, RealMaps) {
             continue;
         }
         ASSERT_TRUE(d) << name << to_text(d.fault().diagnostic);
-        for (const Diagnostic& x : c.diagnostics()) EXPECT_EQ(x.code, "primitive-not-handled") << to_text(x);
-        std::size_t brushes = 0;
-        for (const DocEntity& e : d->entities) brushes += e.brushes.size();
+        for (const Diagnostic& x : c.diagnostics()) ADD_FAILURE() << to_text(x);
+        std::size_t brushes = 0, patches = 0;
+        for (const DocEntity& e : d->entities) {
+            brushes += e.brushes.size();
+            patches += e.patches.size();
+            EXPECT_EQ(e.skipped_primitives, 0u);
+        }
+        if (name == "spirit3ctfduel1.map") {
+            EXPECT_EQ(patches, 402u);
+        }
+        if (name == "tiny_structural_brush.map") {
+            EXPECT_EQ(brushes, 7u);
+        }
         if (name == "e1m1.map") {
             EXPECT_EQ(brushes, 1257u);
         }

@@ -39,8 +39,7 @@ TEST(Vmf, ReadsWorldEntitiesSidesAndPlaces) {
         "\t\t\t\"material\" \"TOOLS/toolsnodraw\"\r\n\t\t\t\"uaxis\" \"[1 0 0 24]0.25\"\r\n"
         "\t\t\t\"vaxis\" \"[0 -1 4.00061e-005 -8] 0.5\"\r\n\t\t\t\"rotation\" \"0\"\r\n"
         "\t\t\t\"lightmapscale\" \"32\"\r\n\t\t\t\"smoothing_groups\" \"3\"\r\n\t\t\t\"mystery\" \"x\"\r\n"
-        "\t\t\tdispinfo\r\n\t\t\t{\r\n\t\t\t\t\"power\" "
-        "\"3\"\r\n\t\t\t\tnormals\r\n\t\t\t\t{\r\n\t\t\t\t}\r\n\t\t\t}\r\n"
+        "\t\t\tvertices_plus\r\n\t\t\t{\r\n\t\t\t\t\"v\" \"1 2 3.5\"\r\n\t\t\t\t\"v\" \"-4 5 6\"\r\n\t\t\t}\r\n"
         "\t\t}\r\n\t\teditor\r\n\t\t{\r\n\t\t\t\"color\" \"0 1 2\"\r\n\t\t}\r\n\t}\r\n}\r\n"
         "entity\r\n{\r\n\t\"id\" \"44\"\r\n\t\"classname\" \"caf\xE9\"\r\n\tconnections\r\n\t{\r\n"
         "\t\t\"OnTrigger\" \"a\x1B"
@@ -68,6 +67,7 @@ TEST(Vmf, ReadsWorldEntitiesSidesAndPlaces) {
     EXPECT_EQ(s.lightmap_scale, 32);
     EXPECT_EQ(s.smoothing_groups, 3u);
     EXPECT_EQ(s.displacement, 0);
+    EXPECT_EQ(s.vertices, (std::vector<Vec3>{{1, 2, 3.5}, {-4, 5, 6}}));
     ASSERT_EQ(s.extra.size(), 1u);
     EXPECT_EQ(s.extra[0].key, "mystery");
     const DocEntity& e = d->entities[1];
@@ -92,6 +92,128 @@ TEST(Vmf, HiddenIsSkippedEverywhere) {
     ASSERT_EQ(d->entities[0].brushes.size(), 1u);
     EXPECT_EQ(d->entities[0].brushes[0].id, 5);
     EXPECT_TRUE(d->entities[1].brushes.empty());
+    ASSERT_EQ(c.diagnostics().size(), 1u); // told once, with the numbers
+    EXPECT_EQ(c.diagnostics()[0].code, "hidden-skipped");
+    EXPECT_EQ(c.diagnostics()[0].severity, Severity::note);
+    EXPECT_TRUE(c.diagnostics()[0].message.starts_with("1 entities and 2 solids")) << c.diagnostics()[0].message;
+}
+
+// Visgroups that are switched off wrap their objects in `hidden`; the marks in `editor` alone mean nothing.
+TEST(Vmf, EditorMarksHideNothing) {
+    const std::string editor = "editor { \"visgroupshown\" \"0\" \"visgroupautoshown\" \"0\" }";
+    Context c;
+    const Result<Document> d =
+        read(world("solid { \"id\" \"2\" " + side(kPlane) + editor + "}") + "entity { \"classname\" \"light\" " + editor + "}", c);
+    ASSERT_TRUE(d);
+    EXPECT_TRUE(c.diagnostics().empty());
+    EXPECT_EQ(d->entities[0].brushes.size(), 1u);
+    EXPECT_EQ(d->entities.size(), 2u);
+}
+
+TEST(Vmf, CordonsOfBothKinds) {
+    const struct {
+        std::string text;
+        std::vector<std::pair<std::string, bool>> cordons; // name, active
+    } cases[] = {
+        {"cordon { \"mins\" \"(-1 -2 -3)\" \"maxs\" \"(4 5 6)\" \"active\" \"1\" }", {{"", true}}},
+        {"cordon { \"mins\" \"(-1 -2 -3)\" \"maxs\" \"(4 5 6)\" \"active\" \"0\" }", {{"", false}}},
+        {"cordons { \"active\" \"0\" }", {}},
+        {"cordons { \"active\" \"1\" cordon { \"name\" \"a\" \"active\" \"1\" box { \"mins\" \"(-1 -2 -3)\" \"maxs\" \"(4 5 6)\" } }\n"
+         "cordon { \"name\" \"b\" \"active\" \"0\" box { \"mins\" \"(-1 -2 -3)\" \"maxs\" \"(4 5 6)\" } } }",
+         {{"a", true}, {"b", false}}},
+        // Two boxes of one cordon; the state of them all stands last.
+        {"cordons { cordon { \"name\" \"a\" \"active\" \"1\" box { \"mins\" \"(-1 -2 -3)\" \"maxs\" \"(4 5 6)\" } "
+         "box { \"mins\" \"(-1 -2 -3)\" \"maxs\" \"(4 5 6)\" } } \"active\" \"0\" }",
+         {{"a", false}, {"a", false}}},
+    };
+    for (const auto& k : cases) {
+        Context c;
+        const Result<Document> d = read(world("") + k.text, c);
+        ASSERT_TRUE(d) << k.text;
+        EXPECT_TRUE(c.diagnostics().empty()) << k.text << to_text(c.diagnostics()[0]);
+        ASSERT_EQ(d->cordons.size(), k.cordons.size()) << k.text;
+        for (std::size_t i = 0; i < k.cordons.size(); ++i) {
+            EXPECT_EQ(std::pair(d->cordons[i].name, d->cordons[i].active), k.cordons[i]);
+            EXPECT_EQ(d->cordons[i].box, (Box3{{-1, -2, -3}, {4, 5, 6}}));
+        }
+    }
+    for (const char* text : {"cordon { }", "cordon { \"mins\" \"(1 2)\" \"maxs\" \"(4 5 6)\" }",
+                             "cordons { cordon { box { \"mins\" \"(5 2 3)\" \"maxs\" \"(4 5 6)\" } } }"}) {
+        Context c;
+        const Result<Document> d = read(world("") + "\n" + text, c);
+        ASSERT_TRUE(d);
+        EXPECT_TRUE(d->cordons.empty());
+        ASSERT_EQ(count(c, "cordon-invalid"), 1u) << text;
+        EXPECT_EQ(c.diagnostics()[0].where.line, 4) << text;
+    }
+}
+
+TEST(Vmf, VerticesPlusThatCannotBeReadAreLeftOut) {
+    Context c;
+    const Result<Document> d = read(world(solid(side(kPlane, "vertices_plus { \"v\" \"1 2 3\" \"v\" \"1 2e5 3\" \"v\" \"x\" }"))), c);
+    ASSERT_TRUE(d);
+    ASSERT_EQ(d->entities[0].brushes.size(), 1u);
+    EXPECT_TRUE(d->entities[0].brushes[0].sides[0].vertices.empty());
+    EXPECT_EQ(count(c, "vertices-plus-invalid"), 1u);
+}
+
+TEST(Vmf, MisplacedBlocksAreTold) {
+    Context c;
+    const Result<Document> d = read(world("entity { \"classname\" \"light\" }") + solid(side(kPlane)), c);
+    ASSERT_TRUE(d);
+    EXPECT_EQ(d->entities.size(), 1u);
+    EXPECT_EQ(count(c, "block-misplaced"), 2u);
+}
+
+// Unusual text: what is read, and the code where something is amiss.
+TEST(Vmf, UnusualText) {
+    const std::string good = world(solid(side(kPlane)));
+    std::string cr = good, crlf;
+    for (char& ch : cr) ch = ch == '\n' ? '\r' : ch;
+    for (const char ch : good) crlf += ch == '\n' ? "\r\n" : std::string(1, ch);
+    const struct {
+        std::string text, code; // "": nothing to tell, one brush
+    } cases[] = {
+        {good, ""},
+        {cr, ""},
+        {"// a comment\r" + cr, ""},
+        {crlf, ""},
+        {"\xEF\xBB\xBF" + good, ""},
+        {good + std::string(3, '\0'), ""},
+        {"\t\v\f world\t{\tsolid\t{" + side(kPlane) + "\t}\t}", ""},
+        {"world { classname worldspawn solid { id 2 side { id 7 \"plane\" \"" + kPlane + "\" material DEV/A } } }", ""},
+        {world(solid(side("(+0 -0 .0) (0. 64.000 0e0) (6.4e1 0 0)"))), ""},
+        {world(solid(side("( 0 0 0 )( 0 64 0 )( 64 0 1e-400 )"))), ""},
+        {world(solid(side(kPlane, "\"" + std::string(300, 'k') + "\" \"" + std::string(3000000, 'v') + "\""))), ""},
+        {world(solid(side("(0 0 0) (0 64 0) (64 0 1e400)"))), "coordinate-out-of-range"},
+        {world(solid(side("(0 0 0) (0 64 0) (64 0 0x10)"))), "coordinate-not-a-number"},
+        {world(solid(side("(0 0 0) (0 64 0) (64 0 --1)"))), "coordinate-not-a-number"},
+        {world(solid(side("(0 0 0) (0 64 0) (64 0 1e)"))), "coordinate-not-a-number"},
+        {world(solid(side("(0 0 0) (0 64 0) (64 0 1,5)"))), "coordinate-not-a-number"},
+        {world(solid(side("(0 0 0) (0 64 0) (64 0 0) 7"))), "plane-unreadable"},
+        {world(solid(side(""))), "plane-unreadable"},
+    };
+    for (const auto& k : cases) {
+        Context c;
+        const Result<Document> d = read(k.text, c);
+        ASSERT_TRUE(d) << k.text.substr(0, 200) << to_text(d.fault().diagnostic);
+        EXPECT_EQ(d->entities[0].brushes.size(), k.code.empty() ? 1u : 0u) << k.text.substr(0, 200);
+        ASSERT_EQ(c.diagnostics().size(), k.code.empty() ? 0u : 1u) << k.text.substr(0, 200);
+        for (const Diagnostic& x : c.diagnostics()) {
+            EXPECT_EQ(x.code, k.code);
+            EXPECT_EQ(x.where, (SourceLocation{"t.vmf", 3, 1, 2, 7}));
+        }
+    }
+}
+
+TEST(Vmf, AMillionEntities) {
+    std::string text = world(solid(side(kPlane)));
+    for (int i = 0; i < 1000000; ++i) text += "entity{\"classname\" \"light\"}\n";
+    Context c;
+    const Result<Document> d = read(text, c);
+    ASSERT_TRUE(d);
+    EXPECT_EQ(d->entities.size(), 1000001u);
+    EXPECT_EQ(d->entities.back().line, 1000005);
 }
 
 TEST(Vmf, WorldComesFirstWhereverItStands) {
@@ -135,7 +257,7 @@ TEST(Vmf, FaultySidesLeaveTheirSolidOutAndAreAllTold) {
 TEST(Vmf, TextureFaultsAreMended) {
     Context c;
     const Result<Document> d = read(
-        world(solid(side(kPlane, "\"uaxis\" \"[1 0 0 0] 0\" \"vaxis\" \"[0 nan 0 0] 1\" \"lightmapscale\" \"0\""))),
+        world(solid(side(kPlane, "\"uaxis\" \"[1 0 0 0] 1e-31\" \"vaxis\" \"[0 nan 0 0] 1\" \"vaxis\" \"[0 1e31 0 0] 1\" \"lightmapscale\" \"0\" \"material\" \"\""))),
         c);
     ASSERT_TRUE(d);
     ASSERT_EQ(d->entities[0].brushes.size(), 1u);
@@ -143,7 +265,8 @@ TEST(Vmf, TextureFaultsAreMended) {
     EXPECT_EQ(s.texture.u_scale, 1);
     EXPECT_EQ(s.lightmap_scale, 16);
     EXPECT_EQ(count(c, "texture-scale-zero"), 1u);
-    EXPECT_EQ(count(c, "texture-axis-unreadable"), 1u);
+    EXPECT_EQ(count(c, "texture-axis-unreadable"), 2u);
+    EXPECT_EQ(count(c, "material-missing"), 1u);
     EXPECT_EQ(count(c, "lightmap-scale-invalid"), 1u);
 }
 
@@ -232,6 +355,20 @@ TEST(Vmf, RealMaps) {
     const std::filesystem::path root = std::filesystem::path(KILN_SOURCE_DIR) / ".." / "shared" / "maps";
     if (!std::filesystem::exists(root)) GTEST_SKIP() << "no real maps at " << root;
     int files = 0;
+    std::size_t all_displacements = 0;
+    // Lines that hold this word and nothing else.
+    const auto count_lines = [](const std::string& text, std::string_view word) {
+        std::size_t n = 0;
+        for (std::size_t at = 0; at < text.size();) {
+            const std::size_t end = std::min(text.find('\n', at), text.size());
+            std::string_view line = std::string_view(text).substr(at, end - at);
+            while (!line.empty() && (line.front() == '\t' || line.front() == ' ')) line.remove_prefix(1);
+            while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.remove_suffix(1);
+            n += line == word;
+            at = end + 1;
+        }
+        return n;
+    };
     for (const auto& entry : std::filesystem::recursive_directory_iterator(root)) {
         if (entry.path().extension() != ".vmf") continue;
         ++files;
@@ -240,10 +377,26 @@ TEST(Vmf, RealMaps) {
         Context c;
         const Result<Document> d = read(text, c);
         ASSERT_TRUE(d) << entry.path() << to_text(d.fault().diagnostic);
-        std::size_t brushes = 0, sides = 0;
+        for (const Diagnostic& x : c.diagnostics()) EXPECT_EQ(x.code, "hidden-skipped") << to_text(x);
+        std::size_t brushes = 0, sides = 0, displaced = 0, with_vertices = 0;
         for (const DocEntity& e : d->entities) {
             brushes += e.brushes.size();
-            for (const DocBrush& b : e.brushes) sides += b.sides.size();
+            for (const DocBrush& b : e.brushes) {
+                sides += b.sides.size();
+                for (const DocSide& s : b.sides) displaced += s.displacement >= 0, with_vertices += s.vertices.size() >= 3;
+            }
+        }
+        EXPECT_EQ(displaced, count_lines(text, "dispinfo")) << entry.path();
+        EXPECT_EQ(d->displacements.size(), displaced) << entry.path();
+        EXPECT_EQ(with_vertices, count_lines(text, "vertices_plus")) << entry.path();
+        all_displacements += displaced;
+        for (const DocDisplacement& grid : d->displacements) {
+            const std::size_t n = static_cast<std::size_t>((1 << grid.power) + 1) * static_cast<std::size_t>((1 << grid.power) + 1);
+            EXPECT_EQ(grid.normals.size(), n);
+            EXPECT_EQ(grid.distances.size(), n);
+            EXPECT_EQ(grid.alphas.size(), n);
+            EXPECT_EQ(grid.triangle_tags.size(), std::size_t{2} << (2 * grid.power));
+            EXPECT_EQ(grid.allowed_vertices.size(), 10u);
         }
         const std::string name = entry.path().filename();
         if (name == "lambda_bunker_v2.vmf") {
@@ -259,7 +412,8 @@ TEST(Vmf, RealMaps) {
             EXPECT_EQ(std::pair(brushes, sides), std::pair(std::size_t{6}, std::size_t{36}));
         }
     }
-    EXPECT_GT(files, 20);
+    EXPECT_EQ(files, 27);
+    EXPECT_EQ(all_displacements, 1049u);
 }
 
 } // namespace

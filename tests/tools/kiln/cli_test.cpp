@@ -1,5 +1,6 @@
 // Bad input as users meet it: a located message, the documented exit code, nothing half-written, no crash.
 #include "tests/support/program.h"
+#include <nlohmann/json.hpp>
 #include <regex>
 
 using namespace kiln::test;
@@ -14,6 +15,10 @@ Outcome build(const Workplace& w, const std::string& map, std::vector<std::strin
     std::vector<std::string> words = {"build", map, "-o", w.path("out.kiln"), "--draft", "--threads", "2"};
     words.insert(words.end(), more.begin(), more.end());
     return w.run(words, limits);
+}
+std::string text_of(const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
 }
 
 } // namespace
@@ -52,6 +57,12 @@ TEST(Cli, EveryTruncationOfAMapEndsInADocumentedWay) {
         const Outcome o = w.run({"build", w.write("cut.map", whole.substr(0, n)), "-o", w.path("out.kiln"), "--stop-after", "csg", "-q"});
         EXPECT_TRUE(o.code == 0 || o.code == 3 || o.code == 4) << n << ": " << o.code << "\n" << o.said;
     }
+}
+
+TEST(Cli, AMapThatBeginsWithAVersionIsNoVmf) { // as those of Doom 3 do
+    const Workplace w;
+    const Outcome o = w.run({"build", w.write("doom.map", "Version 2\n" + lit_room()), "-o", w.path("out.kiln"), "--stop-after", "world", "-q"});
+    EXPECT_EQ(o.code, 0) << o.said;
 }
 
 TEST(Cli, FaultyBrushesAreNamedAndTheRestIsBuilt) {
@@ -111,13 +122,27 @@ TEST(Cli, ALeakIsToldWithItsPlaceAndTrail) {
     EXPECT_FALSE(w.has("out.kiln"));
     EXPECT_TRUE(w.has("out.pts"));
     EXPECT_TRUE(w.has("out.lin"));
+    EXPECT_EQ(build(w, map, {"--leak-test"}).code, 4);
+    EXPECT_EQ(build(w, map, {"-leaktest", "--report", w.path("leak.json")}).code, 4);
+    const auto leaks = nlohmann::json::parse(text_of(w.path("leak.json")))["leaks"];
+    ASSERT_EQ(leaks.size(), 1u);
+    EXPECT_EQ(leaks[0]["classname"], "info_player_start");
+    EXPECT_EQ(leaks[0]["in_void"], false);
+    EXPECT_EQ(leaks[0]["area"], 128 * 96);
+    EXPECT_EQ(leaks[0]["width"], 96);
+    EXPECT_GT(leaks[0]["near"].size(), 3u);
+    EXPECT_GT(leaks[0]["near"][0]["line"], 1);
+    EXPECT_EQ(leaks[0]["path"][0], (nlohmann::json{32, 32, 24}));
     o = build(w, map, {"--allow-leaks"});
     EXPECT_EQ(o.code, 0) << o.said;
     EXPECT_TRUE(w.has("out.kiln"));
-    // Once sealed, the trail of yesterday is gone.
+    EXPECT_TRUE(w.has("out.lin"));
+    // Once sealed, the trail of yesterday is gone: editors reload an empty one.
     o = build(w, w.write("leak.map", lit_room()));
     EXPECT_EQ(o.code, 0) << o.said;
-    EXPECT_FALSE(w.has("out.pts"));
+    ASSERT_TRUE(w.has("out.pts"));
+    EXPECT_EQ(text_of(w.path("out.pts")), "");
+    EXPECT_FALSE(w.has("out.lin"));
 }
 
 TEST(Cli, MissingOrBrokenMaterialFiles) {

@@ -1,0 +1,435 @@
+// SPDX-License-Identifier: MIT
+// C interface: boxes swept through brushes, and what lies at a point.
+//
+// Against one brush: every plane, own or bevel, is moved outwards by the box's reach against it, which makes the box a
+// point; the stretch of the way behind all planes is the stretch inside. Three distances keep rounding out of it:
+//
+//   kRest      where a box that was stopped stays, so that the next trace starts outside, whatever rounding does
+//   kContact   how near it may pass without being stopped. Less than kRest: a box that rests and slides along its
+//              plane drifts by rounding alone, which takes longer than any game to eat up the difference
+//   kTouch     how deep a box may start and still count as touching: what it touches and does not move closer to is
+//              a plane between the two for the whole way, so it cannot be in the way; not even its neighbours' sides,
+//              seams of a floor, are
+//
+// The brush whose contact comes first counts, of several at once the lowest: by contact, not by where the box would rest,
+// since of brushes that abut in one plane the one ahead would show its side as well. All brushes near the way are looked
+// at, so neither the tree nor the order of its leaves shows in the result. What else a level may have to run into
+// joins them as further candidates of Sweep::stop.
+#include "formats/level/level_state.h"
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace kiln::level {
+
+namespace {
+
+constexpr double kRest = KILN_TRACE_DISTANCE, kContact = kRest / 2, kTouch = 1.0 / 1024;
+constexpr double kMostCoordinate = 1 << 24;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+// What brushes stop, of levels that say no more than their contents.
+std::uint32_t stops_of_contents(std::uint32_t contents) {
+    constexpr std::uint32_t kAll = KILN_FOR_PLAYERS | KILN_FOR_NPCS | KILN_FOR_BULLETS | KILN_FOR_SIGHT;
+    if (contents & (KILN_CONTENTS_SOLID | KILN_CONTENTS_DETAIL)) return kAll;
+    if (contents & KILN_CONTENTS_WINDOW) return kAll & ~static_cast<std::uint32_t>(KILN_FOR_SIGHT);
+    if (contents & (KILN_CONTENTS_GRATE | KILN_CONTENTS_CLIP)) return KILN_FOR_PLAYERS | KILN_FOR_NPCS;
+    return 0;
+}
+
+// Depth of the tree; throws where a node is reached twice.
+std::size_t depth_of(const std::vector<kiln_node>& nodes) {
+    struct Visit {
+        std::int32_t node;
+        std::size_t depth;
+    };
+    std::vector<std::uint8_t> seen(nodes.size());
+    std::vector<Visit> stack;
+    if (!nodes.empty()) stack.push_back({0, 1});
+    std::size_t depth = 0;
+    while (!stack.empty()) {
+        const Visit v = stack.back();
+        stack.pop_back();
+        const auto n = static_cast<std::size_t>(v.node);
+        require(!seen[n], "the tree has a loop");
+        seen[n] = 1;
+        depth = std::max(depth, v.depth);
+        for (const std::int32_t c : nodes[n].child)
+            if (c >= 0) stack.push_back({c, v.depth + 1});
+    }
+    return depth;
+}
+
+static_assert(KILN_FOR_PLAYERS == KILN_BLOCKS_PLAYERS << 24 && KILN_FOR_SIGHT == KILN_BLOCKS_SIGHT << 24, "the same bits, moved");
+
+template <class T> const T& part(const kiln_level& level, const T* value, std::uint32_t id) {
+    if (!value) {
+        const kiln_status status = level.fault_of(id);
+        throw Failure{status, kiln_status_text(status)};
+    }
+    return *value;
+}
+
+// Which brushes were tried lately; one that is forgotten is tried again, which changes nothing.
+class Tried {
+public:
+    Tried() { slots_.fill(KILN_NO_INDEX); }
+    bool again(std::uint32_t brush) {
+        std::uint32_t& slot = slots_[brush % slots_.size()];
+        if (slot == brush) return true;
+        slot = brush;
+        return false;
+    }
+
+private:
+    std::array<std::uint32_t, 256> slots_;
+};
+
+// A walk down the tree needs a place for each level of it; few trees are deeper than this.
+template <class Frame> class Stack {
+public:
+    explicit Stack(std::size_t depth) {
+        if (depth + 1 > few_.size()) many_.resize(depth + 1), at_ = many_.data();
+    }
+    void push(const Frame& f) { at_[size_++] = f; }
+    bool pop(Frame& f) {
+        if (size_ == 0) return false;
+        f = at_[--size_];
+        return true;
+    }
+
+private:
+    std::array<Frame, 96> few_;
+    std::vector<Frame> many_;
+    Frame* at_ = few_.data();
+    std::size_t size_ = 0;
+};
+
+class Sweep {
+public:
+    Sweep(const Collision& c, const double start[3], const double end[3], const double mins[3], const double maxs[3], std::uint32_t mask)
+        : c_(c), contents_(mask & 0xffffffu), who_(mask & ~0xffffffu) {
+        double largest = 1;
+        for (std::size_t k = 0; k < 3; ++k) {
+            start_[k] = start[k], end_[k] = end[k], mins_[k] = mins[k], maxs_[k] = maxs[k];
+            largest = std::max({largest, std::fabs(start[k]), std::fabs(end[k]), std::fabs(mins[k]), std::fabs(maxs[k])});
+        }
+        // A distance to a plane is three products and as many sums of numbers no larger than a few times this.
+        rounding_ = largest * 0x1p-47;
+        bound();
+    }
+
+    void take(std::uint32_t brush) {
+        const Collision::Brush& b = c_.brushes[brush];
+        if (!(b.contents & contents_) || (who_ && !(b.stops & who_))) return;
+        for (std::size_t k = 0; k < 3; ++k)
+            if (b.lo[k] > hi_[k] || b.hi[k] < lo_[k]) return;
+        clip(brush, b);
+    }
+
+    // All brushes of the leaves that the box comes by, near leaves first, as far as it still may be stopped earlier.
+    void walk(const Nodes& nodes, const Planes& planes, const Leaves& leaves) {
+        struct Frame {
+            std::int32_t child;
+            double from, to; // the stretch of the way in which the box touches this part
+        };
+        Stack<Frame> stack(c_.depth);
+        Tried tried;
+        stack.push({nodes.rows.empty() ? -1 : 0, 0, 1});
+        Frame f{};
+        while (stack.pop(f)) {
+            if (f.from > std::max(0.0, contact_)) continue;
+            if (f.child < 0) {
+                if (leaves.rows.empty()) continue;
+                const kiln_leaf& leaf = leaves.rows[static_cast<std::size_t>(-(f.child + 1))];
+                for (std::uint32_t i = leaf.first_brush; i < leaf.first_brush + leaf.brush_count; ++i)
+                    if (const std::uint32_t b = leaves.brushes[i]; !tried.again(b)) take(b);
+                continue;
+            }
+            const kiln_node& n = nodes.rows[static_cast<std::size_t>(f.child)];
+            const kiln_plane& p = planes.rows[n.plane];
+            double below = 0, above = 0; // how far the box, grown by kRest, reaches along the normal
+            for (std::size_t k = 0; k < 3; ++k) {
+                const double a = p.normal[k] * (mins_[k] - kRest), b = p.normal[k] * (maxs_[k] + kRest);
+                below += std::min(a, b), above += std::max(a, b);
+            }
+            const double slack = kTouch + rounding_;
+            const double s = dot3(p.normal, start_) - p.distance, e = dot3(p.normal, end_) - p.distance;
+            Frame front{n.child[0], f.from, f.to}, back{n.child[1], f.from, f.to};
+            const bool in_front = cut(s + above + slack, e + above + slack, front.from, front.to);
+            const bool in_back = cut(-(s + below - slack), -(e + below - slack), back.from, back.to);
+            const bool front_first = s >= e; // what it leaves is nearer
+            if (front_first && in_back) stack.push(back);
+            if (in_front) stack.push(front);
+            if (!front_first && in_back) stack.push(back);
+        }
+    }
+
+    void finish(const double from[3], const double to[3], kiln_trace& out) const {
+        out = {};
+        const bool stopped = fraction_ < 1;
+        out.fraction = fraction_;
+        for (std::size_t k = 0; k < 3; ++k)
+            out.end[k] = !stopped ? to[k] : fraction_ > 0 ? from[k] + fraction_ * (to[k] - from[k]) : from[k];
+        out.brush = stopped ? brush_ : start_brush_;
+        out.side = KILN_NO_INDEX;
+        if (out.brush != KILN_NO_INDEX) out.contents = c_.brushes[out.brush].contents;
+        if (stopped && plane_) {
+            std::copy(plane_->normal, plane_->normal + 3, out.normal);
+            out.distance = plane_->distance, out.side = plane_->side;
+        }
+        out.start_solid = start_brush_ != KILN_NO_INDEX, out.all_solid = all_solid_;
+    }
+
+private:
+    const Collision& c_;
+    std::uint32_t contents_, who_;
+    double start_[3], end_[3], mins_[3], maxs_[3];
+    double lo_[3], hi_[3]; // of the way to the first contact so far, and kRest around
+    double rounding_ = 0;
+    double contact_ = 1, fraction_ = 1; // of the way to the first contact; of the way to where the box rests then
+    std::uint32_t brush_ = KILN_NO_INDEX, start_brush_ = KILN_NO_INDEX;
+    const Collision::Plane* plane_ = nullptr;
+    bool all_solid_ = false;
+
+    // The part of [from, to] in which s + t (e - s) >= 0; false: none.
+    static bool cut(double s, double e, double& from, double& to) {
+        if (s >= 0 && e >= 0) return true;
+        if (s < 0 && e < 0) return false;
+        const double t = s / (s - e);
+        if (s < 0) from = std::max(from, t);
+        else to = std::min(to, t);
+        return from <= to;
+    }
+
+    void stop(double contact, double fraction, std::uint32_t brush, const Collision::Plane* plane) {
+        if (contact > contact_ || (contact == contact_ && brush >= brush_)) return;
+        contact_ = contact, fraction_ = fraction, brush_ = brush, plane_ = plane;
+        bound();
+    }
+    void bound() {
+        for (std::size_t k = 0; k < 3; ++k) {
+            const double last = contact_ >= 1 ? end_[k] : start_[k] + std::max(0.0, contact_) * (end_[k] - start_[k]);
+            lo_[k] = std::min(start_[k], last) + mins_[k] - kRest, hi_[k] = std::max(start_[k], last) + maxs_[k] + kRest;
+        }
+    }
+
+    void clip(std::uint32_t brush, const Collision::Brush& b) {
+        double enter = -kInfinity, leave = kInfinity; // the brush grown by kContact
+        double rest = 0;                              // where the box comes to rest before the plane it enters by
+        const Collision::Plane* hit = nullptr;
+        bool starts_in = true, ends_in = true;
+        const Collision::Plane* end = c_.planes.data() + b.first_plane + b.plane_count;
+        for (const Collision::Plane* p = c_.planes.data() + b.first_plane; p != end; ++p) {
+            double at = p->distance; // where the box's own origin stands when the box touches the plane
+            for (std::size_t k = 0; k < 3; ++k) at -= p->normal[k] * (p->normal[k] < 0 ? maxs_[k] : mins_[k]);
+            const double s = dot3(p->normal, start_) - at, e = dot3(p->normal, end_) - at;
+            if (e >= -kTouch) ends_in = false;
+            if (s < -kTouch) {
+                if (e > s) leave = std::min(leave, (kContact - s) / (e - s));
+                continue;
+            }
+            starts_in = false;
+            if (e >= std::min(s, kContact) - rounding_) return; // it stays before this plane
+            if (const double t = (s - kContact) / (s - e); t > enter) enter = t, hit = p, rest = std::max(0.0, (s - kRest) / (s - e));
+        }
+        if (starts_in) {
+            if (start_brush_ == KILN_NO_INDEX || brush < start_brush_) start_brush_ = brush;
+            if (ends_in) all_solid_ = true, stop(-kInfinity, 0, brush, nullptr);
+            return;
+        }
+        if (hit && enter < leave) stop(enter, rest, brush, hit);
+    }
+};
+
+bool usable(const double v[3]) {
+    for (int k = 0; k < 3; ++k)
+        if (!(std::fabs(v[k]) <= kMostCoordinate)) return false;
+    return true;
+}
+bool usable_box(const double mins[3], const double maxs[3]) {
+    if (!usable(mins) || !usable(maxs)) return false;
+    return mins[0] <= maxs[0] && mins[1] <= maxs[1] && mins[2] <= maxs[2];
+}
+bool is_ray(const double mins[3], const double maxs[3]) {
+    return mins[0] == maxs[0] && mins[1] == maxs[1] && mins[2] == maxs[2];
+}
+
+kiln_status check(const Collision& c, const double start[3], const double end[3], const double mins[3], const double maxs[3]) {
+    if (!usable(start) || !usable(end) || !usable_box(mins, maxs)) return KILN_BAD_ARGUMENT;
+    return c.has_bevels || is_ray(mins, maxs) ? KILN_OK : KILN_MISSING;
+}
+
+bool holds(const Collision& c, std::uint32_t brush, const double point[3]) {
+    const Collision::Brush& b = c.brushes[brush];
+    for (std::size_t k = 0; k < 3; ++k)
+        if (point[k] < b.lo[k] || point[k] > b.hi[k]) return false;
+    for (std::uint32_t i = b.first_plane; i < b.first_plane + b.plane_count; ++i)
+        if (dot3(c.planes[i].normal, point) > c.planes[i].distance) return false;
+    return true;
+}
+
+// Why there are no tables to trace in.
+kiln_status fault(const kiln_level& level) { return level.collision.status() == KILN_OK ? KILN_DAMAGED : level.collision.status(); }
+
+// No exception may cross the C interface; a deep tree's stack is all that is allocated.
+template <class Body> kiln_status guarded(const Body& body) {
+    try {
+        return body();
+    } catch (const std::bad_alloc&) {
+        return KILN_NO_MEMORY;
+    }
+}
+
+} // namespace
+
+Collision make_collision(const kiln_level& level) {
+    const Planes& planes = part(level, level.get_planes(), fourcc("PLNS"));
+    const Brushes& brushes = part(level, level.get_brushes(), fourcc("BRSH"));
+    const Nodes& nodes = part(level, level.get_nodes(), fourcc("NODE"));
+    const Leaves& leaves = part(level, level.get_leaves(), fourcc("LEAF"));
+    const Bevels* bevels = level.get_bevels();
+    if (!bevels && level.find(fourcc("BEVL")) != level.entries.size()) part(level, bevels, fourcc("BEVL")); // damaged
+    const BrushBlocks* blocks = level.get_brush_blocks();
+    if (!blocks && level.find(fourcc("BBLK")) != level.entries.size()) part(level, blocks, fourcc("BBLK")); // damaged
+    Collision out;
+    out.has_bevels = bevels != nullptr;
+    out.depth = depth_of(nodes.rows);
+    for (std::size_t i = 0; i < brushes.rows.size(); ++i) {
+        const kiln_brush& from = brushes.rows[i];
+        Collision::Brush b{};
+        for (std::size_t k = 0; k < 3; ++k) b.lo[k] = -kInfinity, b.hi[k] = kInfinity;
+        b.contents = from.contents < 24 ? 1u << from.contents : 0;
+        b.stops = blocks ? std::uint32_t{blocks->bits[i]} << 24 : stops_of_contents(b.contents);
+        b.first_plane = static_cast<std::uint32_t>(out.planes.size());
+        const auto add = [&](const double* normal, double distance, std::uint32_t side) {
+            require(std::fabs(normal[0]) <= 1.001 && std::fabs(normal[1]) <= 1.001 && std::fabs(normal[2]) <= 1.001 &&
+                        std::fabs(distance) <= 1e12,
+                    "a brush has a side that is no plane");
+            Collision::Plane p{{normal[0], normal[1], normal[2]}, distance, side};
+            out.planes.push_back(p);
+            for (std::size_t k = 0; k < 3; ++k) {
+                if (normal[(k + 1) % 3] != 0 || normal[(k + 2) % 3] != 0) continue;
+                if (normal[k] > 0) b.hi[k] = std::min(b.hi[k], distance);
+                if (normal[k] < 0) b.lo[k] = std::max(b.lo[k], -distance);
+            }
+        };
+        for (std::uint32_t s = from.first_plane; s < from.first_plane + from.plane_count; ++s) {
+            const kiln_plane& p = planes.rows[brushes.planes[s]];
+            add(p.normal, p.distance, s);
+        }
+        if (bevels)
+            for (std::uint32_t k = 0; k < bevels->rows[i].count; ++k) {
+                const kiln_bevel& bevel = bevels->bevels[std::size_t{bevels->rows[i].first} + k];
+                add(bevel.normal, bevel.distance, KILN_NO_INDEX);
+            }
+        require(out.planes.size() < UINT32_MAX, "more planes of brushes than an index can name");
+        b.plane_count = static_cast<std::uint32_t>(out.planes.size()) - b.first_plane;
+        out.brushes.push_back(b);
+    }
+    out.first_of_model.assign(std::size_t{level.info.models} + 1, 0);
+    for (const kiln_brush& b : brushes.rows) ++out.first_of_model[b.model + 1];
+    for (std::size_t m = 1; m < out.first_of_model.size(); ++m) out.first_of_model[m] += out.first_of_model[m - 1];
+    out.of_model.resize(brushes.rows.size());
+    std::vector<std::uint32_t> next = out.first_of_model;
+    for (std::uint32_t i = 0; i < brushes.rows.size(); ++i) out.of_model[next[brushes.rows[i].model]++] = i;
+    std::vector<std::uint8_t> listed(brushes.rows.size());
+    for (const std::uint32_t b : leaves.brushes) listed[b] = 1;
+    for (std::uint32_t i = 0; i < brushes.rows.size(); ++i)
+        if (brushes.rows[i].model == 0 && !listed[i]) out.unlisted.push_back(i);
+    return out;
+}
+
+} // namespace kiln::level
+
+using namespace kiln::level;
+
+extern "C" {
+
+const kiln_bevel* kiln_level_brush_bevels(const kiln_level* level, uint32_t brush, size_t* count) {
+    if (count) *count = 0;
+    const Bevels* table = level && brush < level->info.brushes ? level->get_bevels() : nullptr;
+    if (!table || table->rows[brush].count == 0) return nullptr;
+    if (count) *count = table->rows[brush].count;
+    return table->bevels.data() + table->rows[brush].first;
+}
+
+kiln_status kiln_trace_box(const kiln_level* level, const double start[3], const double end[3], const double mins[3],
+                           const double maxs[3], uint32_t mask, kiln_trace* trace) {
+    if (!level || !start || !end || !mins || !maxs || !trace) return KILN_BAD_ARGUMENT;
+    return guarded([&] {
+        const Collision* c = level->get_collision();
+        if (!c) return fault(*level);
+        if (const kiln_status status = check(*c, start, end, mins, maxs); status != KILN_OK) return status;
+        Sweep sweep(*c, start, end, mins, maxs, mask);
+        sweep.walk(*level->get_nodes(), *level->get_planes(), *level->get_leaves());
+        for (const std::uint32_t b : c->unlisted) sweep.take(b);
+        sweep.finish(start, end, *trace);
+        return KILN_OK;
+    });
+}
+
+kiln_status kiln_trace_model(const kiln_level* level, uint32_t model, const double origin[3], const double start[3],
+                             const double end[3], const double mins[3], const double maxs[3], uint32_t mask,
+                             kiln_trace* trace) {
+    if (!level || !origin || !start || !end || !mins || !maxs || !trace || model >= level->info.models) return KILN_BAD_ARGUMENT;
+    const Collision* c = level->get_collision();
+    if (!c) return fault(*level);
+    if (!usable(origin)) return KILN_BAD_ARGUMENT;
+    double s[3], e[3];
+    for (int k = 0; k < 3; ++k) s[k] = start[k] - origin[k], e[k] = end[k] - origin[k];
+    if (const kiln_status status = check(*c, s, e, mins, maxs); status != KILN_OK) return status;
+    Sweep sweep(*c, s, e, mins, maxs, mask);
+    for (std::uint32_t i = c->first_of_model[model]; i < c->first_of_model[model + 1]; ++i) sweep.take(c->of_model[i]);
+    sweep.finish(start, end, *trace);
+    for (int k = 0; k < 3; ++k) trace->distance += trace->normal[k] * origin[k];
+    return KILN_OK;
+}
+
+kiln_status kiln_point_contents(const kiln_level* level, const double point[3], uint32_t* contents) {
+    if (!level || !point || !contents || !usable(point)) return KILN_BAD_ARGUMENT;
+    *contents = 0;
+    return guarded([&] {
+        const Collision* c = level->get_collision();
+        if (!c) return fault(*level);
+        // Both sides of a plane that the point lies in: a brush may end there.
+        const Nodes& nodes = *level->get_nodes();
+        const Planes& planes = *level->get_planes();
+        const Leaves& leaves = *level->get_leaves();
+        Stack<std::int32_t> stack(c->depth);
+        stack.push(nodes.rows.empty() ? -1 : 0);
+        for (std::int32_t at = 0; stack.pop(at);) {
+            if (at < 0) {
+                if (leaves.rows.empty()) continue;
+                const kiln_leaf& leaf = leaves.rows[static_cast<std::size_t>(-(at + 1))];
+                for (std::uint32_t i = leaf.first_brush; i < leaf.first_brush + leaf.brush_count; ++i)
+                    if (holds(*c, leaves.brushes[i], point)) *contents |= c->brushes[leaves.brushes[i]].contents;
+                continue;
+            }
+            const kiln_node& n = nodes.rows[static_cast<std::size_t>(at)];
+            const double d = dot3(planes.rows[n.plane].normal, point) - planes.rows[n.plane].distance;
+            if (d <= kTouch) stack.push(n.child[1]);
+            if (d >= -kTouch) stack.push(n.child[0]);
+        }
+        for (const std::uint32_t b : c->unlisted)
+            if (holds(*c, b, point)) *contents |= c->brushes[b].contents;
+        return KILN_OK;
+    });
+}
+
+kiln_status kiln_model_point_contents(const kiln_level* level, uint32_t model, const double origin[3],
+                                      const double point[3], uint32_t* contents) {
+    if (!level || !origin || !point || !contents || !usable(origin) || !usable(point) || model >= level->info.models) return KILN_BAD_ARGUMENT;
+    *contents = 0;
+    const Collision* c = level->get_collision();
+    if (!c) return fault(*level);
+    const double p[3] = {point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]};
+    for (std::uint32_t i = c->first_of_model[model]; i < c->first_of_model[model + 1]; ++i)
+        if (holds(*c, c->of_model[i], p)) *contents |= c->brushes[c->of_model[i]].contents;
+    return KILN_OK;
+}
+
+} // extern "C"

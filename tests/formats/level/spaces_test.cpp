@@ -1,0 +1,159 @@
+// Area portals, occluders, water volumes, what brushes stop and faces without dynamic shadows: round trip, absence, lies.
+#include "formats/level/kiln_level.hpp"
+#include "formats/level/tables.h"
+#include "tests/formats/level/sample_level.h"
+#include <algorithm>
+#include <gtest/gtest.h>
+#include <random>
+
+namespace kiln::level {
+namespace {
+
+LevelContent sample() {
+    LevelContent c = test::mixture(7, 8);
+    c.area_portals.push_back({1, 2, {1, 3}, {{0, 1, 2}, {3, 4, 5}, {6, 7, 8}}});
+    c.area_portals.push_back({0, 0, {0, 0}, {}});
+    c.occluders.push_back({1, 2, {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{5, 5, 5}, {6, 5, 5}, {6, 6, 5}, {5, 6, 5}}}});
+    c.occluders.push_back({0, 0, {}});
+    c.waters.push_back({4, 32.5f, -8, true, 1});
+    c.waters.push_back({6, 99, 1, false, UINT32_MAX});
+    for (std::size_t l = 0; l < c.leaves.size(); ++l) c.leaf_water.push_back(l % 3 == 2 ? UINT32_MAX : static_cast<std::uint32_t>(l % 3));
+    for (std::size_t b = 0; b < c.brushes.size(); ++b) c.brushes[b].blocks = static_cast<std::uint8_t>(b % 16);
+    c.faces.at(1).no_dynamic_shadow = true;
+    return c;
+}
+
+TEST(LevelSpaces, ComeBackAsTheyWere) {
+    const LevelContent c = sample();
+    ASSERT_GE(c.brushes.size(), 3u);
+    ASSERT_GE(c.entities.size(), 2u);
+    for (const bool strip : {false, true}) {
+        const auto bytes = write_level(c, {.strip = strip});
+        const Level level(bytes);
+        ASSERT_EQ(kiln_level_check(level.get(), nullptr), KILN_OK);
+        const auto portals = level.area_portals();
+        ASSERT_EQ(portals.size(), 2u);
+        EXPECT_EQ(portals[0].entity, 1);
+        EXPECT_EQ(portals[0].brush, 2u);
+        EXPECT_EQ(portals[0].area[0], 1u);
+        EXPECT_EQ(portals[0].area[1], 3u);
+        EXPECT_EQ(portals[0].point_count, 3u);
+        EXPECT_EQ(portals[1].first_point, 3u);
+        EXPECT_EQ(portals[1].point_count, 0u);
+        ASSERT_EQ(level.area_portal_points().size(), 9u);
+        for (std::size_t i = 0; i < 9; ++i) EXPECT_EQ(level.area_portal_points()[i], static_cast<float>(i));
+
+        ASSERT_EQ(level.occluders().size(), 2u);
+        EXPECT_EQ(level.occluders()[0].polygon_count, 2u);
+        EXPECT_EQ(level.occluders()[0].area, 2u);
+        EXPECT_EQ(level.occluders()[1].first_polygon, 2u);
+        ASSERT_EQ(level.occluder_polygons().size(), 2u);
+        EXPECT_EQ(level.occluder_polygons()[1].first_point, 3u);
+        EXPECT_EQ(level.occluder_polygons()[1].point_count, 4u);
+        EXPECT_EQ(level.occluder_points().size(), 21u);
+        EXPECT_EQ(level.occluder_points()[20], 5.0f);
+
+        ASSERT_EQ(level.waters().size(), 2u);
+        EXPECT_EQ(level.waters()[0].surface_z, 32.5f);
+        EXPECT_EQ(level.waters()[0].min_z, -8.0f);
+        EXPECT_EQ(level.waters()[0].material, 1u);
+        EXPECT_EQ(level.waters()[1].has_surface, 0u);
+        EXPECT_EQ(level.waters()[1].material, KILN_NO_INDEX);
+        EXPECT_TRUE(std::ranges::equal(level.leaf_waters(), c.leaf_water));
+
+        ASSERT_EQ(level.brush_blocks().size(), c.brushes.size());
+        for (std::size_t b = 0; b < c.brushes.size(); ++b) EXPECT_EQ(level.brush_blocks()[b], b % 16);
+        ASSERT_EQ(level.face_no_dynamic_shadow().size(), c.faces.size());
+        for (std::size_t f = 0; f < c.faces.size(); ++f) EXPECT_EQ(level.face_no_dynamic_shadow()[f], f == 1);
+    }
+}
+
+TEST(LevelSpaces, AreNotThereWhereThereIsNothingToSay) {
+    const auto bytes = write_level(test::mixture(7, 8), {});
+    const Level level(bytes);
+    EXPECT_TRUE(level.area_portals().empty());
+    EXPECT_TRUE(level.occluders().empty());
+    EXPECT_TRUE(level.waters().empty());
+    EXPECT_TRUE(level.leaf_waters().empty());
+    EXPECT_TRUE(level.face_no_dynamic_shadow().empty());
+    for (std::size_t i = 0; i < kiln_level_lump_count(level.get()); ++i) {
+        kiln_lump lump{};
+        kiln_level_lump(level.get(), i, &lump);
+        for (const char* name : {"AREA", "OCCL", "WATR", "FSHD"}) EXPECT_STRNE(lump.name, name);
+    }
+    size_t count = 7;
+    EXPECT_EQ(kiln_level_waters(nullptr, &count), nullptr);
+    EXPECT_EQ(count, 0u);
+    EXPECT_EQ(kiln_level_area_portal_points(nullptr, nullptr), nullptr);
+}
+
+TEST(LevelSpaces, WhatNamesNothingIsRefused) {
+    const auto refuses = [](const char* what, const auto& spoil) {
+        LevelContent c = sample();
+        spoil(c);
+        EXPECT_THROW(write_level(c, {}), std::invalid_argument) << what;
+    };
+    refuses("brush", [](LevelContent& c) { c.area_portals[0].brush = static_cast<std::uint32_t>(c.brushes.size()); });
+    refuses("entity", [](LevelContent& c) { c.area_portals[0].entity = -1; });
+    refuses("areas", [](LevelContent& c) { c.area_portals[0].area = {3, 1}; });
+    refuses("occluder entity", [](LevelContent& c) { c.occluders[0].entity = static_cast<std::int32_t>(c.entities.size()); });
+    refuses("occluder polygon", [](LevelContent& c) { c.occluders[0].polygons[0].pop_back(); });
+    refuses("material", [](LevelContent& c) { c.waters[0].material = static_cast<std::uint32_t>(c.materials.size()); });
+    refuses("water", [](LevelContent& c) { c.leaf_water[0] = 2; });
+    refuses("leaves", [](LevelContent& c) { c.leaf_water.pop_back(); });
+}
+
+// The bytes of a lump are the file's to choose: whatever they are, the reader checks them or says no.
+TEST(LevelSpaces, LyingLumpsNeverCrash) {
+    std::mt19937_64 rng(5);
+    const auto check = [&]<class Table>(Table, const kiln_info& info, const Blob& good) {
+        for (int i = 0; i < 4000; ++i) {
+            Blob bytes = good;
+            for (int k = 0; k < 1 + i % 4 && !bytes.empty(); ++k) bytes[rng() % bytes.size()] = static_cast<std::uint8_t>(rng());
+            if (i % 5 == 0) bytes.resize(rng() % (bytes.size() + 1));
+            Table table;
+            try {
+                Get in(bytes);
+                table.io(in, info, true);
+                in.end();
+                if constexpr (requires { table.check(info); }) table.check(info);
+            } catch (const Damaged&) {
+                continue;
+            }
+            if constexpr (requires { table.polygons; }) {
+                for (const auto& p : table.polygons) EXPECT_LE(std::size_t{p.first_point} + p.point_count, table.points.size());
+            }
+            if constexpr (std::is_same_v<Table, AreaPortals>) {
+                for (const auto& p : table.rows) EXPECT_LE(std::size_t{p.first_point} + p.point_count, table.points.size());
+            }
+            if constexpr (std::is_same_v<Table, Waters>) {
+                for (const std::uint32_t w : table.of_leaf) EXPECT_TRUE(w == KILN_NO_INDEX || w < table.rows.size());
+            }
+        }
+    };
+    kiln_info info{};
+    info.leaves = 4, info.brushes = 3, info.entities = 2, info.materials = 2, info.faces = 5;
+    const auto bytes_of = [&](auto table) {
+        Put out;
+        table.io(out, info, false);
+        return out.bytes;
+    };
+    AreaPortals areas;
+    areas.rows = {{1, 2, {1, 3}, 0, 3}, {0, 0, {0, 0}, 0, 0}};
+    areas.points.resize(3);
+    check(AreaPortals{}, info, bytes_of(areas));
+    Occluders occluders;
+    occluders.rows = {{1, 2, 0, 2}};
+    occluders.polygons = {{0, 3}, {0, 4}};
+    occluders.points.resize(7);
+    check(Occluders{}, info, bytes_of(occluders));
+    Waters waters;
+    waters.rows = {{4, 1, 0, 1, 1}};
+    waters.of_leaf = {0, KILN_NO_INDEX, 0, 0};
+    check(Waters{}, info, bytes_of(waters));
+    check(BrushBlocks{}, info, Blob(3));
+    check(FaceShadows{}, info, Blob(5));
+}
+
+} // namespace
+} // namespace kiln::level
