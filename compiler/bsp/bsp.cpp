@@ -3,6 +3,7 @@
 #include "libs/core/check.h"
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 
 namespace kiln {
 namespace bsp {
@@ -211,94 +212,111 @@ std::vector<std::vector<PlanePolygon>> leaf_polytopes(const Bsp& bsp) {
     return leaves;
 }
 
-void validate(const Bsp& bsp, const Csg& csg) {
-    KILN_CHECK_OP(bsp.planes.planes.size(), >=, csg.planes.planes.size());
-    for (std::size_t i = 0; i < csg.planes.planes.size(); ++i)
-        KILN_CHECK(bsp.planes.planes[i] == csg.planes.planes[i]);
+void check_invariants(const Bsp& bsp, const Csg& csg, const World* world, Checker& checker) {
+    Check &tree = checker.add("tree"), &leaves = checker.add("leaves"), &portals = checker.add("portals"), &visible = checker.add("visible-fragments"),
+          &gaps = checker.add("closed-gaps");
+    const SourceLocation map{world ? world->file : ""};
+    const auto place = [](const Box3& b) { return b.empty() ? std::string("nowhere") : bsp::name_place(b.center()); };
+    const auto side = [&](SideId s) { return world ? world->location(s) : map; };
+
+    bool same = bsp.planes.planes.size() >= csg.planes.planes.size();
+    for (std::size_t i = 0; same && i < csg.planes.planes.size(); ++i) same = bsp.planes.planes[i] == csg.planes.planes[i];
+    tree.expect(same, [&] { return Finding{map, "the planes are not those of the brushes and more"}; });
     // A binary tree in which every node and leaf is reached once.
-    KILN_CHECK_OP(bsp.leaves.size(), ==, bsp.nodes.size() + 1);
+    tree.expect(bsp.leaves.size() == bsp.nodes.size() + 1, [&] { return Finding{map, fmt::format("{} nodes part {} leaves", bsp.nodes.size(), bsp.leaves.size())}; });
     std::vector<int> node_seen(bsp.nodes.size()), leaf_seen(bsp.leaves.size());
     if (!bsp.nodes.empty()) ++node_seen[0];
-    else ++leaf_seen[0];
-    for (std::size_t n = 0; n < bsp.nodes.size(); ++n)
+    else if (!bsp.leaves.empty()) ++leaf_seen[0];
+    for (std::size_t n = 0; n < bsp.nodes.size(); ++n) {
+        tree.expect(bsp.nodes[n].plane.at() < bsp.planes.planes.size(), [&] { return Finding{map, fmt::format("node {} names plane {} of {}", n, bsp.nodes[n].plane.value, bsp.planes.planes.size())}; });
         for (const std::int32_t c : bsp.nodes[n].child) {
-            if (c >= 0) {
-                KILN_CHECK_OP(static_cast<std::size_t>(c), >, n);
-                KILN_CHECK_OP(static_cast<std::size_t>(c), <, bsp.nodes.size());
-                ++node_seen[static_cast<std::size_t>(c)];
-            } else {
-                KILN_CHECK_OP(static_cast<std::size_t>(bsp::leaf_of_child(c)), <, bsp.leaves.size());
-                ++leaf_seen[static_cast<std::size_t>(bsp::leaf_of_child(c))];
-            }
+            const auto child = static_cast<std::size_t>(c >= 0 ? c : bsp::leaf_of_child(c));
+            if (!tree.expect(c >= 0 ? child > n && child < bsp.nodes.size() : child < bsp.leaves.size(), [&] { return Finding{map, fmt::format("node {} has no child {}", n, c)}; }))
+                continue;
+            ++(c >= 0 ? node_seen : leaf_seen)[child];
         }
-    for (const int s : node_seen) KILN_CHECK_OP(s, ==, 1);
-    for (const int s : leaf_seen) KILN_CHECK_OP(s, ==, 1);
+    }
+    for (std::size_t n = 0; n < node_seen.size(); ++n) tree.expect(node_seen[n] == 1, [&] { return Finding{map, fmt::format("node {} is reached {} times", n, node_seen[n])}; });
+    for (std::size_t l = 0; l < leaf_seen.size(); ++l) tree.expect(leaf_seen[l] == 1, [&] { return Finding{map, fmt::format("leaf {} is reached {} times", l, leaf_seen[l])}; });
+
     std::uint32_t clusters = 0;
-    for (const BspLeaf& l : bsp.leaves) {
-        KILN_CHECK(!l.bounds.empty());
-        KILN_CHECK(l.cluster.valid() == (l.open() && !l.outside));
-        KILN_CHECK(!(l.outside && l.contents == Contents::solid));
+    for (std::size_t i = 0; i < bsp.leaves.size(); ++i) {
+        const BspLeaf& l = bsp.leaves[i];
+        const auto tell = [&](std::string what) { return [&, what] { return Finding{map, fmt::format("leaf {} at {}: {}", i, place(l.bounds), what)}; }; };
+        leaves.expect(!l.bounds.empty(), tell("its bounds are empty"));
+        leaves.expect(l.cluster.valid() == (l.open() && !l.outside), tell("open leaves inside have a cluster, no others"));
+        leaves.expect(!(l.outside && l.contents == Contents::solid), tell("solid is not outside"));
         if (l.cluster.valid()) { // numbers in the order in which they are met
-            KILN_CHECK_OP(l.cluster.value, <=, clusters);
+            leaves.expect(l.cluster.value <= clusters, tell(fmt::format("its cluster is {}, in order it would be {}", l.cluster.value, clusters)));
             clusters += l.cluster.value == clusters;
         }
-        KILN_CHECK(l.cluster.valid() || l.area == 0);
-        KILN_CHECK_OP(l.area, <=, bsp.area_count);
-        KILN_CHECK(std::ranges::is_sorted(l.brushes));
+        leaves.expect(l.cluster.valid() || l.area == 0, tell("it has an area without a cluster"));
+        leaves.expect(l.area <= bsp.area_count, tell(fmt::format("area {} of {}", l.area, bsp.area_count)));
+        leaves.expect(std::ranges::is_sorted(l.brushes), tell("its brushes are not sorted"));
+        leaves.expect(l.brushes.empty() || l.brushes.back().at() < csg.brushes.size(), tell("it lists a brush that does not exist"));
     }
-    KILN_CHECK_OP(clusters, ==, bsp.cluster_count);
-    KILN_CHECK_OP(bsp.leaf_water.size(), ==, bsp.leaves.size());
-    for (std::size_t l = 0; l < bsp.leaves.size(); ++l) {
-        const BspLeaf& leaf = bsp.leaves[l];
-        const bool liquid = leaf.contents == Contents::water || leaf.contents == Contents::slime || leaf.contents == Contents::lava;
-        KILN_CHECK((bsp.leaf_water[l] != UINT32_MAX) == (liquid && leaf.cluster.valid()));
-        if (bsp.leaf_water[l] == UINT32_MAX) continue;
-        KILN_CHECK_OP(bsp.leaf_water[l], <, bsp.waters.size());
-        const WaterVolume& water = bsp.waters[bsp.leaf_water[l]];
-        KILN_CHECK(water.contents == leaf.contents);
-        KILN_CHECK_OP(water.min_z, <=, leaf.bounds.lo.z);
-    }
-    for (const AreaPortal& p : bsp.area_portals) {
-        KILN_CHECK_OP(p.areas[0], <=, p.areas[1]);
-        KILN_CHECK_OP(p.areas[1], <=, bsp.area_count);
-        KILN_CHECK_OP(p.winding.size(), ==, p.polygon.size());
-    }
-    for (const Occluder& o : bsp.occluders) {
-        KILN_CHECK(!o.fragments.empty() && o.area <= bsp.area_count);
-        for (const std::uint32_t f : o.fragments) KILN_CHECK(csg.fragments[f].behind == Contents::occluder);
-    }
-    for (const BspPortal& p : bsp.portals) {
-        KILN_CHECK(p.leaf_front != p.leaf_back);
-        KILN_CHECK(p.plane == p.polygon.support);
-        KILN_CHECK_OP(p.winding.size(), >=, 3u);
-        KILN_CHECK_OP(p.winding.size(), ==, p.polygon.size());
+    leaves.expect(clusters == bsp.cluster_count, [&] { return Finding{map, fmt::format("{} leaves have clusters, {} are stated", clusters, bsp.cluster_count)}; });
+
+    Check &waters = checker.add("waters"), &area_portals = checker.add("area-portals"), &occluders = checker.add("occluders");
+    if (waters.expect(bsp.leaf_water.size() == bsp.leaves.size(), [&] { return Finding{map, "the leaves' waters are not as many as leaves"}; }))
+        for (std::size_t l = 0; l < bsp.leaves.size(); ++l) {
+            const BspLeaf& leaf = bsp.leaves[l];
+            const auto tell = [&](const char* what) { return [&, what] { return Finding{map, fmt::format("leaf {} at {}: {}", l, place(leaf.bounds), what)}; }; };
+            const bool liquid = leaf.contents == Contents::water || leaf.contents == Contents::slime || leaf.contents == Contents::lava;
+            const bool has = bsp.leaf_water[l] != UINT32_MAX;
+            waters.expect(has == (liquid && leaf.cluster.valid()), tell("liquid leaves inside have a water volume, no others"));
+            if (!has || !waters.expect(bsp.leaf_water[l] < bsp.waters.size(), tell("its water volume does not exist"))) continue;
+            const WaterVolume& water = bsp.waters[bsp.leaf_water[l]];
+            waters.expect(water.contents == leaf.contents && water.min_z <= leaf.bounds.lo.z, tell("its water volume is of another liquid, or ends above it"));
+        }
+    for (const AreaPortal& p : bsp.area_portals)
+        area_portals.expect(p.areas[0] <= p.areas[1] && p.areas[1] <= bsp.area_count && p.winding.size() == p.polygon.size(), [&] {
+            return Finding{world && p.brush.at() < world->brushes.size() ? world->location(p.brush) : map, fmt::format("an area portal between areas {} and {} of {}, or its winding is not that of its polygon", p.areas[0], p.areas[1], bsp.area_count)};
+        });
+    for (const Occluder& o : bsp.occluders)
+        occluders.expect(!o.fragments.empty() && o.area <= bsp.area_count &&
+                             std::ranges::all_of(o.fragments, [&](std::uint32_t f) { return f < csg.fragments.size() && csg.fragments[f].behind == Contents::occluder; }),
+                         [&] { return Finding{world && o.entity.at() < world->entities.size() ? world->location(o.entity) : map, "an occluder without polygons, or with such of something else"}; });
+
+    const auto reaches = [&](const Vec3& v, LeafId l) { // rounding is monotone, so this holds exactly
+        Box3 at;
+        at.add(v);
+        return overlap(at, bsp.leaves[l.at()].bounds);
+    };
+    const auto inside = [&](LeafId l) { return l.at() < bsp.leaves.size() && bsp.leaves[l.at()].cluster.valid(); };
+    for (std::size_t i = 0; i < bsp.portals.size(); ++i) {
+        const BspPortal& p = bsp.portals[i];
+        const auto tell = [&](const char* what) {
+            return [&, what] { return Finding{map, fmt::format("portal {} at {}: {}", i, p.winding.empty() ? "nowhere" : bsp::name_place(p.winding[0]), what)}; };
+        };
+        portals.expect(p.leaf_front != p.leaf_back, tell("it joins a leaf with itself"));
+        portals.expect(p.plane == p.polygon.support, tell("its plane is not its polygon's"));
+        portals.expect(p.winding.size() >= 3 && p.winding.size() == p.polygon.size(), tell("its winding is not that of its polygon"));
         for (const LeafId l : {p.leaf_front, p.leaf_back}) {
-            KILN_CHECK_OP(l.at(), <, bsp.leaves.size());
-            KILN_CHECK(bsp.leaves[l.at()].cluster.valid());
-            for (const Vec3& v : p.winding) { // rounding is monotone, so this holds exactly
-                Box3 at;
-                at.add(v);
-                KILN_CHECK(overlap(at, bsp.leaves[l.at()].bounds));
-            }
+            if (!portals.expect(inside(l), tell("it leads to a leaf that is not an open one inside"))) continue;
+            portals.expect(std::ranges::all_of(p.winding, [&](const Vec3& v) { return reaches(v, l); }), tell("it lies beyond the bounds of its leaf"));
         }
     }
     for (std::size_t i = 0; i < bsp.visible.size(); ++i) {
         const VisibleFragment& v = bsp.visible[i];
-        KILN_CHECK_OP(v.fragment, <, csg.fragments.size());
-        if (i) KILN_CHECK_OP(bsp.visible[i - 1].fragment, <=, v.fragment);
-        KILN_CHECK(v.polygon.support == csg.fragments[v.fragment].polygon.support);
-        KILN_CHECK(v.leaf.valid() == (csg.fragments[v.fragment].model.value == 0));
-        if (v.leaf.valid()) KILN_CHECK(bsp.leaves[v.leaf.at()].cluster.valid());
+        if (!visible.expect(v.fragment < csg.fragments.size(), [&] { return Finding{map, fmt::format("visible part {} is of no fragment", i)}; })) continue;
+        const Fragment& f = csg.fragments[v.fragment];
+        const auto tell = [&](const char* what) { return [&, what] { return Finding{side(f.side), what}; }; };
+        if (i) visible.expect(bsp.visible[i - 1].fragment <= v.fragment, tell("visible parts are not sorted"));
+        visible.expect(v.polygon.support == f.polygon.support, tell("a visible part lies in another plane than its fragment"));
+        visible.expect(v.leaf.valid() == (f.model.value == 0), tell("parts of the world have a leaf in front, those of brush models none"));
+        if (v.leaf.valid()) visible.expect(inside(v.leaf), tell("a visible part is seen from a leaf that is not an open one inside"));
     }
     for (const ClosedGap& g : bsp.closed) {
-        KILN_CHECK(g.side.valid() && g.leaf.valid());
-        KILN_CHECK(bsp.leaves[g.leaf.at()].cluster.valid());
-        for (const Vec3& v : points(bsp.planes, g.polygon)) {
-            Box3 at;
-            at.add(v);
-            KILN_CHECK(overlap(at, bsp.leaves[g.leaf.at()].bounds));
-        }
+        const auto tell = [&](const char* what) { return [&, what] { return Finding{side(g.side), what}; }; };
+        if (!gaps.expect(g.side.valid() && inside(g.leaf), tell("a closed gap has no side, or no open leaf inside"))) continue;
+        gaps.expect(std::ranges::all_of(points(bsp.planes, g.polygon), [&](const Vec3& v) { return reaches(v, g.leaf); }), tell("a closed gap lies beyond the bounds of its leaf"));
     }
+}
+
+void validate(const Bsp& bsp, const Csg& csg) {
+    Checker checker;
+    check_invariants(bsp, csg, nullptr, checker);
 }
 
 } // namespace kiln

@@ -140,6 +140,8 @@ struct Bsp {
 };
 Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& options, Context& context);
 void validate(const Bsp& bsp, const Csg& csg);
+// The same, for all who want to know more than the first that fails; `world`: for the places, may be null.
+void check_invariants(const Bsp& bsp, const Csg& csg, const World* world, Checker& checker);
 
 // Do the point entities stand inside? `bsp`: filled, built with the same micro_gap. Cheap where they do.
 // Errors   leak: not a fault. One diagnostic per opening, errors, or warnings with allow_leaks; the caller writes

@@ -5,7 +5,6 @@
 #include "compiler/csg/input_planes.h"
 #include "compiler/csg/merge_planes.h"
 #include "compiler/csg/polytope.h"
-#include "libs/core/check.h"
 #include "libs/parallel/parallel.h"
 #include <algorithm>
 #include <cmath>
@@ -193,41 +192,56 @@ Result<Csg> build_csg(const World& world, const CsgOptions& options, Context& co
     return csg;
 }
 
-void validate(const Csg& csg, const World& world) {
-    KILN_CHECK_OP(csg.brushes.size(), ==, world.brushes.size());
-    KILN_CHECK_OP(csg.planes.planes.size() % 2, ==, 0u);
-    const auto sound = [&](const PlanePolygon& p) {
-        KILN_CHECK_OP(p.size(), >=, 3u);
-        KILN_CHECK_OP(p.support.at(), <, csg.planes.planes.size());
+void check_invariants(const Csg& csg, const World& world, Checker& checker) {
+    Check &tables = checker.add("csg-tables"), &polygons = checker.add("polygons");
+    tables.expect(csg.planes.planes.size() % 2 == 0, [&] { return Finding{{world.file}, "the plane table has no pairs"}; });
+    if (!tables.expect(csg.brushes.size() == world.brushes.size(),
+                       [&] { return Finding{{world.file}, fmt::format("{} polytopes stand for {} brushes", csg.brushes.size(), world.brushes.size())}; }))
+        return;
+    const auto sound = [&](const PlanePolygon& p, const SourceLocation& where) {
+        const auto tell = [&](const char* what) { return [&, what] { return Finding{where, what}; }; };
+        bool known = p.support.at() < csg.planes.planes.size();
+        for (const PlaneId e : p.edges) known = known && e.at() < csg.planes.planes.size();
+        if (!polygons.expect(known, tell("a polygon names a plane that does not exist")) || !polygons.expect(p.size() >= 3, tell("a polygon has fewer than three edges"))) return;
         for (std::size_t i = 0; i < p.size(); ++i) {
             const PlaneId before = p.edges[i == 0 ? p.size() - 1 : i - 1], after = p.edges[i];
-            KILN_CHECK_OP(after.at(), <, csg.planes.planes.size());
-            KILN_CHECK_OP(csg.planes.orientation(p.support, before, after), >, 0); // a left turn
+            if (!polygons.expect(csg.planes.orientation(p.support, before, after) > 0, tell("a polygon does not turn left at a corner"))) return;
             for (const PlaneId e : p.edges)
-                if (e != before && e != after) KILN_CHECK_OP(csg.planes.side(p.support, before, after, e), <, 0);
+                if (e != before && e != after && !polygons.expect(csg.planes.side(p.support, before, after, e) < 0, tell("a corner of a polygon is not behind all its edges")))
+                    return;
         }
     };
     for (std::size_t b = 0; b < csg.brushes.size(); ++b) {
         const BrushPolytope& brush = csg.brushes[b];
-        KILN_CHECK_OP(brush.faces.size(), ==, brush.sides.size());
-        KILN_CHECK_OP(brush.valid, ==, !brush.faces.empty());
-        if (brush.valid) KILN_CHECK_OP(brush.faces.size(), >=, 4u);
+        const auto tell = [&](const char* what) { return [&, what] { return Finding{world.location(id<BrushId>(b)), what}; }; };
+        if (!tables.expect(brush.faces.size() == brush.sides.size(), tell("a polytope's faces do not match its sides"))) continue;
+        tables.expect(brush.valid == !brush.faces.empty(), tell("a polytope is valid without faces, or has faces but is not"));
+        if (brush.valid) tables.expect(brush.faces.size() >= 4, tell("a polytope has fewer than four faces"));
         for (std::size_t f = 0; f < brush.faces.size(); ++f) {
-            sound(brush.faces[f]);
-            KILN_CHECK_OP(brush.sides[f].value - world.brushes[b].first_side, <, world.brushes[b].side_count);
+            tables.expect(brush.sides[f].value - world.brushes[b].first_side < world.brushes[b].side_count, tell("a face comes from a side of another brush"));
+            sound(brush.faces[f], world.location(brush.sides[f]));
         }
     }
     for (std::size_t i = 0; i < csg.fragments.size(); ++i) {
         const Fragment& f = csg.fragments[i];
-        sound(f.polygon);
-        KILN_CHECK(csg.brushes[f.brush.at()].valid);
-        KILN_CHECK(f.model == world.brushes[f.brush.at()].model && f.behind == world.brushes[f.brush.at()].contents);
-        if (f.covered) KILN_CHECK(f.behind == Contents::solid && f.front == Contents::detail);
+        if (!tables.expect(f.brush.at() < csg.brushes.size() && f.side.at() < world.sides.size(), [&] { return Finding{{world.file}, fmt::format("fragment {} names a brush or side that does not exist", i)}; }))
+            continue;
+        const SourceLocation where = world.location(f.side);
+        const auto tell = [&](const char* what) { return [&, what] { return Finding{where, what}; }; };
+        sound(f.polygon, where);
+        tables.expect(csg.brushes[f.brush.at()].valid, tell("a fragment belongs to a brush that was left out"));
+        tables.expect(f.model == world.brushes[f.brush.at()].model && f.behind == world.brushes[f.brush.at()].contents, tell("a fragment's model or contents are not its brush's"));
+        if (f.covered) tables.expect(f.behind == Contents::solid && f.front == Contents::detail, tell("a fragment is covered, but not by detail"));
         if (i > 0) {
             const Fragment& e = csg.fragments[i - 1];
-            KILN_CHECK(e.model < f.model || (e.model == f.model && e.side <= f.side));
+            tables.expect(e.model < f.model || (e.model == f.model && e.side <= f.side), tell("fragments are not sorted by model and side"));
         }
     }
+}
+
+void validate(const Csg& csg, const World& world) {
+    Checker checker;
+    check_invariants(csg, world, checker);
 }
 
 } // namespace kiln

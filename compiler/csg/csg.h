@@ -87,6 +87,7 @@ struct Csg {
 };
 Result<Csg> build_csg(const World& world, const CsgOptions& options, Context& context);
 void validate(const Csg& csg, const World& world);
+void check_invariants(const Csg& csg, const World& world, Checker& checker); // the same, for all who want to know more than the first that fails
 
 // The part of a plane that lies in the cube, or a little more: a quad counter-clockwise seen from the front.
 PlanePolygon world_polygon(const PlaneTable& planes, const std::array<PlaneId, 6>& world_cube, PlaneId plane);

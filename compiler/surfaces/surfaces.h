@@ -199,6 +199,8 @@ struct SurfacesOptions {
 Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& bsp, const SurfacesOptions& options,
                                 Context& context);
 void validate(const Surfaces& surfaces);
+// The same, for all who want to know more than the first that fails; `world`: for the places, may be null.
+void check_invariants(const Surfaces& surfaces, const World* world, Checker& checker);
 
 // Directed edges of the triangles of curves of one model that no opposite edge answers: their outer border.
 std::size_t unmatched_curve_edges(const Surfaces& surfaces, ModelId model, Curve::Kind kind);

@@ -1,6 +1,5 @@
 #include "compiler/visibility/visibility.h"
 #include "compiler/visibility/flow.h"
-#include "libs/core/check.h"
 #include "libs/parallel/parallel.h"
 #include <algorithm>
 #include <fmt/format.h>
@@ -112,15 +111,22 @@ Result<Visibility> compute_visibility(std::span<const VisPortal> map_portals, st
     return v;
 }
 
-void validate(const Visibility& v) {
+void check_invariants(const Visibility& v, Checker& checker) {
+    Check& rows = checker.add("vis-rows");
     const std::size_t words = v.words_per_row();
-    KILN_CHECK_OP(v.rows.size(), ==, words * v.cluster_count);
+    if (!rows.expect(v.rows.size() == words * v.cluster_count, [&] { return Finding{{}, "the table does not fit its clusters"}; })) return;
     for (std::uint32_t a = 0; a < v.cluster_count; ++a) {
-        KILN_CHECK(v.sees(a, a));
-        for (std::uint32_t b = 0; b < v.cluster_count; ++b) KILN_CHECK_OP(v.sees(a, b), ==, v.sees(b, a));
+        rows.expect(v.sees(a, a), [&] { return Finding{{}, fmt::format("cluster {} does not see itself", a)}; });
+        for (std::uint32_t b = 0; b < v.cluster_count; ++b)
+            rows.expect(v.sees(a, b) == v.sees(b, a), [&] { return Finding{{}, fmt::format("clusters {} and {} do not see each other alike", a, b)}; });
         if (v.cluster_count % 64)
-            KILN_CHECK_OP(v.rows[a * words + words - 1] >> (v.cluster_count % 64), ==, std::uint64_t{0});
+            rows.expect(v.rows[a * words + words - 1] >> (v.cluster_count % 64) == 0, [&] { return Finding{{}, fmt::format("the row of cluster {} has bits beyond the last cluster", a)}; });
     }
+}
+
+void validate(const Visibility& v) {
+    Checker checker;
+    check_invariants(v, checker);
 }
 
 } // namespace kiln

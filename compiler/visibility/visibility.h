@@ -39,5 +39,6 @@ std::vector<VisPortal> vis_portals(const Bsp& bsp); // those between different c
 Result<Visibility> compute_visibility(std::span<const VisPortal> portals, std::uint32_t cluster_count,
                                       const VisibilityOptions& options, Context& context);
 void validate(const Visibility& visibility);
+void check_invariants(const Visibility& visibility, Checker& checker); // the same, for all who want to know more than the first that fails
 
 } // namespace kiln

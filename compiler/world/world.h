@@ -7,6 +7,7 @@
 #pragma once
 #include "formats/document/document.h"
 #include "formats/material/material.h"
+#include "libs/core/checker.h"
 #include "libs/core/context.h"
 #include "libs/core/index.h"
 #include <vector>
@@ -151,5 +152,6 @@ struct WorldOptions {
 Result<World> build_world(const Document& document, MaterialDatabase& materials, const WorldOptions& options,
                           Context& context);
 void validate(const World& world);
+void check_invariants(const World& world, Checker& checker); // the same, for all who want to know more than the first that fails
 
 } // namespace kiln

@@ -10,6 +10,8 @@ Command build_command(CLI::App& app);
 Command info_command(CLI::App& app);
 Command dump_command(CLI::App& app);
 Command image_command(CLI::App& app);
+Command verify_command(CLI::App& app);
+Command export_command(CLI::App& app);
 Command sample_command(CLI::App& app);
 Command gather_command(CLI::App& app);
 Command reference_command(CLI::App& app);

@@ -2,32 +2,16 @@
 // stand in the order of their ids and numbers are printed shortest-exact, so dumps of equal artefacts are equal.
 #include "libs/core/file.h"
 #include "tools/kiln/commands.h"
+#include "tools/kiln/dump_rows.h"
+#include "tools/kiln/level_file.h"
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
+#include <set>
 
 namespace kiln {
 namespace {
 
-using Json = nlohmann::ordered_json;
-using Rows = std::vector<Json>;
-
-template <class T> Json to_json(const Vec3T<T>& v) { return {v.x, v.y, v.z}; }
-Json to_json(const Box3& b) { return b.empty() ? Json() : Json{to_json(b.lo), to_json(b.hi)}; }
-template <class Tag> Json to_json(Index<Tag> i) { return i.valid() ? Json(i.value) : Json(); }
-template <class T> Json list(const std::vector<T>& values) {
-    Json j = Json::array();
-    for (const T& v : values) {
-        if constexpr (std::is_arithmetic_v<T>)
-            j.push_back(v);
-        else
-            j.push_back(to_json(v));
-    }
-    return j;
-}
-
 constexpr const char* kContents[] = {"empty", "solid", "detail", "window", "water", "slime", "lava", "area_portal", "hint", "clip", "trigger", "grate", "occluder", "vis_cluster"};
 static_assert(std::size(kContents) == kContentsCount);
-const char* name(Contents c) { return kContents[static_cast<std::size_t>(c) % std::size(kContents)]; }
 
 Rows dump_document(const Compiled& c) {
     Rows rows;
@@ -71,7 +55,7 @@ Rows dump_csg(const Compiled& c) {
     Rows rows;
     for (std::size_t i = 0; i < c.csg.fragments.size(); ++i) {
         const Fragment& f = c.csg.fragments[i];
-        rows.push_back({{"fragment", i}, {"side", to_json(f.side)}, {"brush", to_json(f.brush)}, {"model", to_json(f.model)}, {"behind", name(f.behind)},
+        rows.push_back({{"fragment", i}, {"side", to_json(f.side)}, {"brush", to_json(f.brush)}, {"source", {c.world.location(f.side).entity, c.world.location(f.side).brush, c.world.location(f.side).side}}, {"model", to_json(f.model)}, {"behind", name(f.behind)},
                         {"front", name(f.front)}, {"points", list(points(c.csg.planes, f.polygon))}});
     }
     return rows;
@@ -151,8 +135,11 @@ Rows dump_overlays(const Compiled& c) {
     }
     for (std::size_t i = 0; i < c.world.overlays.size(); ++i) {
         const WorldOverlay& o = c.world.overlays[i];
+        Json corners = Json::array();
+        for (const Vec2 v : o.corners) corners.push_back({v.x, v.y});
         rows.push_back({{"overlay", i}, {"kind", o.kind == WorldOverlay::decal ? "decal" : "overlay"}, {"material", c.world.materials[o.material.at()].name},
-                        {"entity", to_json(o.entity)}, {"line", c.world.location(o.entity).line}, {"origin", to_json(o.origin)}, {"render_order", o.render_order},
+                        {"entity", to_json(o.entity)}, {"line", c.world.location(o.entity).line}, {"origin", to_json(o.origin)},
+                        {"u", to_json(o.u)}, {"v", to_json(o.v)}, {"normal", to_json(o.normal)}, {"corners", corners}, {"uv_range", o.uv_range}, {"render_order", o.render_order},
                         {"fade", {o.fade_min, o.fade_max}}, {"sides", list(o.sides)}, {"fragments", parts[i].first}, {"area", parts[i].second}});
     }
     for (std::size_t i = 0; i < c.surfaces.overlay_fragments.size(); ++i) {
@@ -210,18 +197,17 @@ Rows dump_probes(const Compiled& c) {
     return rows;
 }
 
-struct Artefact {
-    const char* name;
-    Stage stage;
-    Rows (*rows)(const Compiled&);
-};
 constexpr Artefact kArtefacts[] = {
-    {"document", Stage::read, dump_document}, {"world", Stage::world, dump_world},      {"fragments", Stage::csg, dump_csg},
-    {"bsp", Stage::bsp, dump_bsp},            {"portals", Stage::bsp, dump_portals}, {"vis", Stage::visibility, dump_vis},
-    {"faces", Stage::surfaces, dump_faces},   {"charts", Stage::surfaces, dump_charts}, {"curves", Stage::surfaces, dump_curves}, {"overlays", Stage::surfaces, dump_overlays},
-    {"lights", Stage::light, dump_lights},
-    {"patches", Stage::light, dump_patches},  {"cubes", Stage::ambient, dump_cubes},    {"probes", Stage::probes, dump_probes},
+    {"document", Stage::read, dump_document, "line"}, {"world", Stage::world, dump_world, "material brush entity line"}, {"fragments", Stage::csg, dump_csg, "fragment side brush"},
+    {"bsp", Stage::bsp, dump_bsp, "node leaf child cluster area brushes"}, {"portals", Stage::bsp, dump_portals, "portal front back"}, {"vis", Stage::visibility, dump_vis},
+    {"faces", Stage::surfaces, dump_faces, "face chart clusters line"}, {"charts", Stage::surfaces, dump_charts, "chart first_texel faces"}, {"curves", Stage::surfaces, dump_curves, "curve source first_face line"}, {"overlays", Stage::surfaces, dump_overlays, "overlay fragment face line"}, {"lights", Stage::light, dump_lights, "light entity"},
+    {"patches", Stage::light, dump_patches, "patch face"}, {"cubes", Stage::ambient, dump_cubes, "cube local_lights"}, {"probes", Stage::probes, dump_probes, "probe entity"},
 };
+std::vector<Artefact> artefacts() {
+    std::vector<Artefact> all(std::begin(kArtefacts), std::end(kArtefacts));
+    all.insert(all.end(), geometry_artefacts().begin(), geometry_artefacts().end());
+    return all;
+}
 
 std::string dump_text(const Json& j) { return j.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace); }
 
@@ -243,27 +229,91 @@ std::string as_json(const Rows& rows) {
     return out + "]\n";
 }
 
+// Keeps the rows of which each filter holds: KEY=VALUE as the text shows it, quotes left out.
+void filter(Rows& rows, const std::vector<std::string>& filters) {
+    std::erase_if(rows, [&](const Json& row) {
+        return !std::ranges::all_of(filters, [&](const std::string& f) {
+            const std::string key = f.substr(0, f.find('=')), value = f.substr(std::min(f.size(), key.size() + 1));
+            const auto it = row.find(key);
+            return it != row.end() && (it->is_string() ? it->get<std::string>() == value : dump_text(*it) == value);
+        });
+    });
+}
+
+// So that a change shows where it is and nowhere else: without running numbers, in the order of the text.
+void settle_for_diff(Rows& rows, const std::string& running) {
+    std::set<std::string> names;
+    for (std::size_t at = 0; at < running.size();) {
+        const std::size_t end = std::min(running.find(' ', at), running.size());
+        names.insert(running.substr(at, end - at));
+        at = end + 1;
+    }
+    for (Json& row : rows) {
+        Json kept = Json::object();
+        for (const auto& [key, value] : row.items())
+            if (!names.contains(key)) kept[key] = value;
+        row = std::move(kept);
+    }
+    std::ranges::stable_sort(rows, {}, [](const Json& row) { return dump_text(row); });
+}
+
 } // namespace
 
+const char* name(Contents c) { return kContents[static_cast<std::size_t>(c) % std::size(kContents)]; }
+
 Command dump_command(CLI::App& app) {
-    struct Options { BakeOptions bake; std::string artefact, output; bool json = false; };
+    struct Options { BakeOptions bake; std::string artefact, output; std::vector<std::string> filters; bool json = false, for_diff = false; };
     auto o = std::make_shared<Options>();
     std::vector<std::string> names;
-    for (const Artefact& a : kArtefacts) names.emplace_back(a.name);
-    app.add_option("artefact", o->artefact, "What to dump")->required()->check(CLI::IsMember(names));
+    std::string of_maps, of_levels;
+    for (const Artefact& a : artefacts()) names.emplace_back(a.name), of_maps += std::string(of_maps.empty() ? "" : ", ") + a.name;
+    for (const LevelArtefact& a : level_artefacts()) names.emplace_back(a.name), of_levels += std::string(of_levels.empty() ? "" : ", ") + a.name;
+    app.add_option("artefact", o->artefact, "What to dump (below)")->required()->check([names](const std::string& word) {
+        return std::ranges::find(names, word) != names.end() ? std::string() : "no artefact " + word + "; `kiln dump --help` lists all";
+    });
     o->bake.add_to(app);
+    app.get_option("map")->description("The map (.vmf, .map), or a level file");
     app.add_option("-o,--output", o->output, "File (default: standard output)")->type_name("FILE");
     app.add_flag("--json", o->json, "JSON: an array, one row a line");
-    app.footer("examples:\n  kiln dump faces maps/atrium/atrium.vmf\n  kiln dump vis m.map --json -o vis.json\nDumps are stable: equal artefacts give equal bytes.");
+    app.add_option("--filter", o->filters, "Only rows with this value, as the text shows it; several: all must hold")->type_name("KEY=VALUE")->check([](const std::string& f) {
+        return f.find('=') != std::string::npos && f[0] != '=' ? std::string() : "a filter is KEY=VALUE";
+    });
+    app.add_flag("--for-diff", o->for_diff, "Leave out running numbers and line numbers and sort the rows: a change shows where it is and nowhere else");
+    app.footer("examples:\n  kiln dump faces maps/atrium/atrium.vmf --filter brush=12\n  kiln dump vis m.map --json -o vis.json\n"
+               "  diff <(kiln dump faces old.vmf --for-diff) <(kiln dump faces new.vmf --for-diff)\n"
+               "of a map: " + of_maps + "\nof a level: " + of_levels + "\nDumps are stable: equal artefacts give equal bytes.");
     return [o]() -> int {
         Console console;
         o->bake.settle(console);
         Context context = console.make_context(o->bake.thread_count());
-        if (same_file(o->output, o->bake.map)) return console.fail(fault(Exit::usage, "usage", "the output is the map itself", {.file = o->output}));
-        const Artefact* wanted = std::find_if(std::begin(kArtefacts), std::end(kArtefacts), [&](const Artefact& a) { return o->artefact == a.name; });
-        Compiled c;
-        if (const int code = compile_map(o->bake, console, context, wanted->stage, c); code != 0) return code;
-        const Rows rows = wanted->rows(c);
+        if (same_file(o->output, o->bake.map)) return console.fail(fault(Exit::usage, "usage", "the output is the input itself", {.file = o->output}));
+        const auto bytes = read_file(o->bake.map);
+        if (!bytes) return console.fail(bytes.fault());
+        Rows rows;
+        std::string running;
+        const auto missing = [&](const char* what) {
+            return console.fail(fault(Exit::usage, "usage", fmt::format("{} has no {}; `kiln dump --help` lists what there is", what, o->artefact), {.file = o->bake.map}));
+        };
+        if (is_level(*bytes)) {
+            const auto wanted = std::ranges::find(level_artefacts(), o->artefact, [](const LevelArtefact& a) { return std::string(a.name); });
+            if (wanted == level_artefacts().end()) return missing("a level");
+            const auto file = open_level(o->bake.map);
+            if (!file) return console.fail(file.fault());
+            const char* what = "";
+            if (const kiln_status s = kiln_level_check(file->level.get(), &what); s != KILN_OK)
+                return console.fail(fault(Exit::input, "level-damaged", fmt::format("{}: {}", kiln_status_text(s), what), {.file = o->bake.map}));
+            rows = wanted->rows(file->level.get()), running = wanted->running;
+        } else {
+            const std::vector<Artefact> all = artefacts();
+            const auto wanted = std::ranges::find(all, o->artefact, [](const Artefact& a) { return std::string(a.name); });
+            if (wanted == all.end()) return missing("a map");
+            if (o->artefact == "leak") o->bake.compile.bsp.allow_leaks = true;
+            Compiled c;
+            if (const int code = compile_map(o->bake, console, context, wanted->stage, c); code != 0) return code;
+            rows = wanted->rows(c), running = wanted->running;
+        }
+        filter(rows, o->filters);
+        if (o->for_diff) settle_for_diff(rows, running);
         const std::string text = o->json ? as_json(rows) : as_text(rows);
         if (o->output.empty()) {
             if (const int code = print_output(text); code != 0) return code;

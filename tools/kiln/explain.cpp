@@ -15,7 +15,7 @@ constexpr Explanation kExits[] = {
     {"3", "an input file cannot be read or parsed"},
     {"4", "geometry: the world leaks (see --allow-leaks), or nothing valid is left to compile"},
     {"5", "a limit or budget was exceeded"},
-    {"6", "a quality gate failed (--werror, --require-error)"},
+    {"6", "a quality gate failed (--werror, --require-error, a check of verify)"},
     {"7", "cancelled: nothing was written"},
     {"8", "a file could not be written; what was there before is unchanged"},
 };

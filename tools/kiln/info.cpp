@@ -1,8 +1,11 @@
 #include "formats/level/kiln_level.h"
 #include "libs/core/file.h"
 #include "tools/kiln/commands.h"
+#include "tools/kiln/dump_rows.h"
 #include "tools/kiln/level_file.h"
+#include <filesystem>
 #include <fmt/format.h>
+#include <map>
 #include <nlohmann/json.hpp>
 
 namespace kiln {
@@ -57,17 +60,81 @@ std::string as_text(const nlohmann::ordered_json& j) {
     return out;
 }
 
+// ---- of a map: counts up to exact brushes, without a word about the way ---------------------------------------
+
+nlohmann::ordered_json describe_map(const Compiled& c, const Context& context) {
+    static constexpr const char* kFormats[] = {"vmf", "quake standard", "quake valve220", "quake mixed"};
+    nlohmann::ordered_json j = {{"format", kFormats[static_cast<int>(c.document.format) % 4]}, {"file", c.document.file}};
+    std::map<std::string, std::size_t> classes, contents, models;
+    std::size_t patches = 0, included = c.document.included.size(), skipped = 0;
+    for (const DocEntity& e : c.document.entities) {
+        ++classes[std::string(e.get("classname", "(none)"))];
+        patches += e.patches.size(), skipped += e.skipped_primitives;
+    }
+    for (const WorldBrush& b : c.world.brushes) {
+        ++contents[name(b.contents)];
+        if (b.model.value) ++models[std::to_string(b.model.value)];
+    }
+    Box3 bounds;
+    for (const BrushPolytope& b : c.csg.brushes)
+        if (b.valid) bounds.add(b.bounds);
+    const CsgReport& r = c.csg.report;
+    const std::size_t sides = c.world.sides.size();
+    j["counts"] = {{"entities", c.document.entities.size()}, {"brushes", c.world.brushes.size()}, {"sides", sides}, {"materials", c.world.materials.size()}, {"brush_models", models.size()},
+                   {"displacements", c.document.displacements.size()}, {"patches", patches}, {"overlays", c.world.overlays.size()}, {"included_files", included},
+                   {"cordons", c.document.cordons.size()}, {"primitives_not_read", skipped}};
+    j["geometry"] = {{"invalid_brushes", r.invalid_brushes}, {"grid", std::ldexp(1.0, -r.grid_bits)}, {"off_grid_sides", r.rounded_sides},
+                     {"off_grid_percent", sides ? std::round(1000.0 * r.rounded_sides / static_cast<double>(sides)) / 10 : 0.0}, {"largest_rounding", r.largest_rounding}, {"moved_sides", r.merged_planes},
+                     {"largest_move", r.largest_move}, {"redundant_sides", r.redundant_sides}};
+    if (!bounds.empty()) j["geometry"]["bounds"] = {{bounds.lo.x, bounds.lo.y, bounds.lo.z}, {bounds.hi.x, bounds.hi.y, bounds.hi.z}};
+    j["brushes"] = contents;
+    j["entities"] = classes;
+    std::map<std::string, std::size_t> codes;
+    for (const Diagnostic& d : context.diagnostics()) ++codes[std::string(to_text(d.severity)) + " " + d.code];
+    j["diagnostics"] = codes;
+    return j;
+}
+std::string map_text(const nlohmann::ordered_json& j) {
+    std::string out = fmt::format("format               {}\n", j["format"].get<std::string>());
+    for (const char* part : {"counts", "geometry", "brushes", "entities", "diagnostics"}) {
+        if (j[part].empty()) continue;
+        out += fmt::format("{}\n", part);
+        for (const auto& [key, value] : j[part].items()) out += fmt::format("  {:<32} {:>10}\n", key, value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    }
+    return out;
+}
+
+int info_of_map(const std::string& path, bool json) {
+    Console console;
+    console.quiet = true;
+    Context context = console.make_context(1);
+    BakeOptions options;
+    options.map = path;
+    const auto input = read_input(options, context);
+    if (!input) return console.fail(input.fault());
+    Compiled c;
+    const auto done = compile(*input, options.compile, {.store = nullptr, .last = Stage::csg, .stage_done = {}}, context, c);
+    if (!done && done.fault().exit == Exit::input) return console.fail(done.fault());
+    const auto j = describe_map(c, context);
+    if (const int code = print_output(json ? j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n" : map_text(j)); code != 0) return code;
+    return done ? 0 : console.fail(done.fault());
+}
+
 } // namespace
 
 Command info_command(CLI::App& app) {
     struct Options { std::string level; bool json = false, check = false; };
     auto o = std::make_shared<Options>();
-    app.add_option("level", o->level, "The level file")->required();
+    app.add_option("level", o->level, "A level file, or a map (.vmf, .map)")->required();
     app.add_flag("--json", o->json, "As JSON");
-    app.add_flag("--check", o->check, "Verify and decode every lump; exit 3 at the first that is damaged");
-    app.footer("example: kiln info atrium.kiln");
+    app.add_flag("--check", o->check, "Of a level: verify and decode every lump; exit 3 at the first that is damaged");
+    app.footer("examples:\n  kiln info atrium.kiln\n  kiln info e1m1.map --json");
     return [o]() -> int {
         Console console;
+        // What begins like a level is one, however damaged; what is named like a map is taken as one.
+        const auto bytes = read_file(o->level);
+        const std::string ending = lower_case(std::filesystem::path(o->level).extension().string());
+        if (bytes && !is_level(*bytes) && (ending == ".vmf" || ending == ".map")) return info_of_map(o->level, o->json);
         const auto file = open_level(o->level);
         if (!file) return console.fail(file.fault());
         const auto& level = file->level;

@@ -3,6 +3,8 @@
 
 namespace kiln {
 
+bool is_level(const Bytes& bytes) { return bytes.size() >= 4 && std::equal(bytes.begin(), bytes.begin() + 4, "KILN"); }
+
 Result<LevelFile> open_level(const std::string& path) {
     auto bytes = read_file(path);
     if (!bytes) return bytes.fault();

@@ -81,8 +81,10 @@ int main(int argc, char** argv) {
     Command chosen;
     const std::pair<const char*, std::pair<const char*, Command (*)(CLI::App&)>> commands[] = {
         {"build", {"Bake a map into a level file", build_command}},
-        {"info", {"Say what a level file holds", info_command}},
+        {"info", {"Say what a level file or a map holds", info_command}},
         {"dump", {"Write any artefact on the way from a map as stable text or JSON", dump_command}},
+        {"verify", {"Check every invariant of a map on its way, or of a level file", verify_command}},
+        {"export", {"Write OBJ of any stage, or glTF of the render mesh", export_command}},
         {"image", {"Render pictures of a level file", image_command}},
         {"sample", {"Evaluate what a level stores at given points", sample_command}},
         {"gather", {"Directional integrals at given points by the baking code", gather_command}},

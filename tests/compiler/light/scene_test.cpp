@@ -105,7 +105,6 @@ TEST(Patches, AreFoundFromPoints) {
     const LuxelIndex index(b.surfaces);
     for (std::size_t i = 0; i < b.surfaces.pieces.size(); ++i) {
         const LuxelPiece& piece = b.surfaces.pieces[i];
-        const Chart& c = b.surfaces.charts[b.surfaces.faces[piece.face.at()].chart.at()];
         Footprint f;
         f.add_piece(b.surfaces, piece);
         const Sobol points(i);

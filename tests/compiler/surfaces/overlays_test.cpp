@@ -150,8 +150,10 @@ TEST_F(OnTheFloor, OneThatLooksTheWrongWayStillLiesOnTheSidesItNames) {
     const Surfaces s = build(b.world).surfaces;
     EXPECT_NEAR(area(s, 0), 16 * 16, 1e-9);
     EXPECT_NEAR(area(s, 1), 16 * 16, 1e-9);
-    for (const OverlayFragment& f : s.overlay_fragments)
-        if (f.overlay == 1) EXPECT_EQ(s.faces[f.face.at()].normal, (Vec3{0, 0, -1}));
+    for (const OverlayFragment& f : s.overlay_fragments) {
+        if (f.overlay != 1) continue;
+        EXPECT_EQ(s.faces[f.face.at()].normal, (Vec3{0, 0, -1}));
+    }
 }
 
 TEST_F(OnTheFloor, PiecesOfNeighboursMeetToTheLastBit) {

@@ -154,7 +154,7 @@ TEST_P(RoundTrip, FacesMaterialsCharts) {
         EXPECT_EQ(g.probe, f.probe);
         EXPECT_EQ(g.first_triangle, f.first_triangle);
         EXPECT_EQ(g.triangle_count, f.triangle_count);
-        EXPECT_EQ(g.flags, (f.drawn ? 1u : 0u) + (f.sky ? 2u : 0u) + (f.two_sided ? 4u : 0u) + (f.blocks_light ? 8u : 0u));
+        EXPECT_EQ(g.flags, (f.drawn ? 1u : 0u) + (f.sky ? 2u : 0u) + (f.two_sided ? 4u : 0u) + (f.blocks_light ? 8u : 0u) + (f.curved ? 16u : 0u));
         expect_same(g.tangent, f.tangent), expect_same(g.bitangent, f.bitangent), expect_same(g.normal, f.normal);
         expect_same(g.u_axis, f.u_axis), expect_same(g.v_axis, f.v_axis);
         EXPECT_EQ(g.u_scale, f.u_scale);

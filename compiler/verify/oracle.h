@@ -1,0 +1,71 @@
+// Private to verify: brute force over brushes, random points that are the same everywhere, and where boxes are.
+#pragma once
+#include "compiler/csg/csg.h"
+#include <random>
+#include <span>
+
+namespace kiln::verify {
+
+// [0, 1) and points from a generator whose numbers the standard states; distributions are each library's own.
+class Random {
+public:
+    explicit Random(std::uint64_t seed) : engine_(seed) {}
+    double unit() { return static_cast<double>(engine_() >> 11) * 0x1p-53; }
+    std::size_t below(std::size_t n) { return static_cast<std::size_t>(unit() * static_cast<double>(n)); }
+    Vec3 in(const Box3& box) {
+        const Vec3 s = box.size();
+        const double x = unit(), y = unit(), z = unit();
+        return {box.lo.x + x * s.x, box.lo.y + y * s.y, box.lo.z + z * s.z};
+    }
+    Vec3 in(std::span<const Vec3> convex); // within a convex polygon, nowhere near its corners alone
+
+private:
+    std::mt19937_64 engine_;
+};
+
+// Boxes by place: all that hold a point.
+class BoxGrid {
+public:
+    explicit BoxGrid(std::vector<Box3> boxes);
+    template <class Visit> void at(Vec3 p, double margin, Visit&& visit) const { // ascending
+        const auto test = [&](std::uint32_t b) {
+            const Box3& box = boxes_[b];
+            for (std::size_t k = 0; k < 3; ++k)
+                if (p[k] < box.lo[k] - margin || p[k] > box.hi[k] + margin) return;
+            visit(b);
+        };
+        for (const std::uint32_t b : cell(p)) test(b);
+    }
+
+private:
+    std::vector<Box3> boxes_;
+    Box3 all_;
+    std::array<std::size_t, 3> count_{1, 1, 1};
+    std::vector<std::vector<std::uint32_t>> cells_; // each box with a margin of a unit
+    std::size_t index(Vec3 p, std::size_t axis) const;
+    const std::vector<std::uint32_t>& cell(Vec3 p) const;
+};
+
+// Every valid brush as half-spaces in doubles, independent of fragments and tree.
+class Brushes {
+public:
+    Brushes(const World& world, const Csg& csg);
+    // The largest signed distance to a face: negative inside, a lower bound of the distance outside.
+    double depth(std::uint32_t brush, Vec3 p) const;
+    // Those near the point.
+    template <class Visit> void near(Vec3 p, Visit&& visit) const { grid_.at(p, kNear, visit); }
+    static constexpr double kNear = 0.25; // map units
+
+private:
+    struct HalfSpace {
+        Vec3 normal;
+        double distance;
+    };
+    std::vector<std::vector<HalfSpace>> faces_;
+    BoxGrid grid_;
+};
+
+std::string at(Vec3 p); // "(1 2.5 -3)"
+double area(std::span<const Vec3> polygon);
+
+} // namespace kiln::verify
