@@ -18,6 +18,8 @@ constexpr std::uint32_t kMostDivisions = 64; // of one piece, one way
 using Key = std::array<std::uint64_t, 3>;
 Key key_of(Vec3 p) { return {std::bit_cast<std::uint64_t>(p.x), std::bit_cast<std::uint64_t>(p.y), std::bit_cast<std::uint64_t>(p.z)}; }
 
+constexpr double kGrid = 1024; // points a map unit
+
 // Symmetric in (a, t) and (c, s) to the last bit, so that a border has the same points from both its ends.
 template <class T> T quadratic(T a, T b, T c, double t, double s) { // s = 1 - t
     return (a * (s * s) + c * (t * t)) + b * (2 * s * t);
@@ -87,6 +89,10 @@ public:
         for (std::uint32_t s = 0; s < divisions_.size(); ++s) divisions_[s] = most[find(s)];
     }
 
+    double move(std::uint32_t p, std::uint32_t column, std::uint32_t row) const { // of a control point, map units
+        const DocPatch& g = world_.patches[p].grid;
+        return length(point(g, column, row) - g.points[std::size_t{column} * g.rows + row]);
+    }
     CurveGrid grid(std::uint32_t p, CurveGrids& out) {
         const WorldPatch& patch = world_.patches[p];
         const DocPatch& g = patch.grid;
@@ -139,8 +145,10 @@ private:
     };
     std::unordered_map<std::pair<std::uint32_t, Key>, std::uint32_t, Hash> vertex_;
 
-    static Vec3 point(const DocPatch& g, std::uint32_t column, std::uint32_t row) { // no negative zeros
-        return g.points[std::size_t{column} * g.rows + row] + Vec3{0, 0, 0};
+    // On a grid as fine as the one that planes of brushes are rounded to: editors write 48.000008 for 48.
+    static Vec3 point(const DocPatch& g, std::uint32_t column, std::uint32_t row) {
+        const Vec3 p = g.points[std::size_t{column} * g.rows + row];
+        return Vec3{std::nearbyint(p.x * kGrid), std::nearbyint(p.y * kGrid), std::nearbyint(p.z * kGrid)} / kGrid + Vec3{0, 0, 0}; // no negative zeros
     }
     static BezierPiece piece(const DocPatch& g, std::uint32_t i, std::uint32_t j) {
         BezierPiece b;
@@ -210,6 +218,20 @@ void add_patches(const World& world, double flatness, CurveGrids& out, Context& 
                        fmt::format("{} pieces of patches would need more than {} parts a side to be flat within {} map units", tessellation.capped,
                                    kMostDivisions, flatness),
                        world.location(world.patches[tessellation.capped_patch]));
+    std::size_t moved = 0;
+    double largest = 0;
+    std::uint32_t furthest = 0;
+    for (std::uint32_t p = 0; p < world.patches.size(); ++p)
+        for (std::uint32_t c = 0; c < world.patches[p].grid.columns; ++c)
+            for (std::uint32_t r = 0; r < world.patches[p].grid.rows; ++r) {
+                const double move = tessellation.move(p, c, r);
+                moved += move > 0;
+                if (move > largest) largest = move, furthest = p;
+            }
+    if (moved > 0)
+        context.report(Severity::note, "patch-points-rounded",
+                       fmt::format("{} control points of patches were rounded to 1/{} unit; the largest move is {:.2g} units", moved, kGrid, largest),
+                       world.location(world.patches[furthest]));
     for (std::uint32_t p = 0; p < world.patches.size(); ++p) {
         context.check_cancelled();
         out.grids.push_back(tessellation.grid(p, out));

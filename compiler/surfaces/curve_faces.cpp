@@ -87,26 +87,36 @@ std::vector<Triangle> triangles_of(const CurveGrid& g, const Lattice& lattice) {
     const auto put = [&](const Corner& a, const Corner& b, const Corner& c) {
         if (a.vertex != b.vertex && b.vertex != c.vertex && c.vertex != a.vertex) out.push_back({a, b, c});
     };
-    const auto add = [&](std::array<std::uint32_t, 3> place) {
+    // Guests of the edges of a triangle cut it, one edge after another: the last parts have the edges that are left.
+    using Guests = const std::vector<CurveGrid::Guest>*;
+    const auto split = [&](const auto& self, std::array<Corner, 3> t, std::array<Guests, 3> on) -> void {
         for (std::size_t e = 0; e < 3; ++e) {
-            const std::uint32_t from = place[e], to = place[(e + 1) % 3];
-            const auto guests = g.guests.find({from, to});
-            if (guests == g.guests.end()) continue;
-            const Corner a = corner(from), b = corner(to), tip = corner(place[(e + 2) % 3]);
+            if (!on[e]) continue;
+            const Corner a = t[e], b = t[(e + 1) % 3], tip = t[(e + 2) % 3];
+            const Guests after = on[(e + 1) % 3], before = on[(e + 2) % 3];
             Corner last = a;
-            for (const CurveGrid::Guest& guest : guests->second) {
-                Corner c;
-                c.vertex = guest.vertex;
-                c.data.luxel = a.data.luxel + (b.data.luxel - a.data.luxel) * guest.at;
-                c.data.uv = a.data.uv + (b.data.uv - a.data.uv) * guest.at;
-                c.data.alpha = a.data.alpha + (b.data.alpha - a.data.alpha) * guest.at;
-                put(last, c, tip);
+            for (std::size_t k = 0; k <= on[e]->size(); ++k) {
+                Corner c = b;
+                const bool end = k == on[e]->size();
+                if (!end) {
+                    const CurveGrid::Guest& guest = (*on[e])[k];
+                    c.vertex = guest.vertex;
+                    c.data.luxel = a.data.luxel + (b.data.luxel - a.data.luxel) * guest.at;
+                    c.data.uv = a.data.uv + (b.data.uv - a.data.uv) * guest.at;
+                    c.data.alpha = a.data.alpha + (b.data.alpha - a.data.alpha) * guest.at;
+                }
+                self(self, {last, c, tip}, {nullptr, end ? after : nullptr, k == 0 ? before : nullptr});
                 last = c;
             }
-            put(last, b, tip);
-            return; // diagonals run into all corners of a grid: no triangle has two border edges
+            return;
         }
-        put(corner(place[0]), corner(place[1]), corner(place[2]));
+        put(t[0], t[1], t[2]);
+    };
+    const auto add = [&](std::array<std::uint32_t, 3> place) {
+        std::array<Guests, 3> on{};
+        for (std::size_t e = 0; e < 3; ++e)
+            if (const auto found = g.guests.find({place[e], place[(e + 1) % 3]}); found != g.guests.end()) on[e] = &found->second;
+        split(split, {corner(place[0]), corner(place[1]), corner(place[2])}, on);
     };
     for (std::uint32_t r = 0; r + 1 < g.rows; ++r)
         for (std::uint32_t c = 0; c + 1 < g.columns; ++c) {

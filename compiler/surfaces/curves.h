@@ -38,6 +38,8 @@ struct CurveGrids {
 void add_displacements(const World& world, const Csg& csg, CurveGrids& out, Context& context);
 // bezier.cpp. `flatness`: map units.
 void add_patches(const World& world, double flatness, CurveGrids& out, Context& context);
+// touching.cpp. Vertices of one grid that lie on the border of another of the same model and kind become guests there.
+void add_touching(CurveGrids& grids);
 
 // Into how many equal parts a biquadratic piece has to be divided each way so that two triangles a part lie within
 // `flatness` of it: {along, across}, powers of two.

@@ -72,6 +72,7 @@ Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& b
     CurveGrids grids;
     add_displacements(world, csg, grids, context);
     add_patches(world, options.curve_flatness, grids, context);
+    add_touching(grids);
     std::vector<Chart> curve_charts = add_curve_faces(s, drafts, grids, world, csg, bsp, context);
     context.say("surfaces", 0.6);
     const Adjacency adjacency = find_adjacency(s);

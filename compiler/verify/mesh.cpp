@@ -101,8 +101,8 @@ private:
         }
     }
 
-    // No corner of a model lies within an edge of its faces; where it lies within an edge between two triangles of a face,
-    // it touches the face's inside, which is no crack. Positions are correctly rounded, so a corner that lies
+    // No corner of a model lies within an edge of its faces; where it lies within an edge between two triangles of a face
+    // or of one curve, it touches the inside, which is no crack. Positions are correctly rounded, so a corner that lies
     // in an edge is within a few units of the last place of it; nothing else comes so near.
     void tjunctions() {
         Check& junctions = checker_.add("t-junctions");
@@ -115,14 +115,16 @@ private:
             for (const std::uint32_t p : s.triangles[t])
                 if (!std::exchange(listed[p], std::uint8_t{1})) cells[{group(t), cell(s.positions[p].x), cell(s.positions[p].y), cell(s.positions[p].z)}].push_back(p);
         const auto key = [](std::uint32_t a, std::uint32_t b) { return std::uint64_t{std::min(a, b)} << 32 | std::max(a, b); };
-        std::unordered_map<std::uint64_t, char> done, inner; // inner: of the face at hand
-        std::size_t face = SIZE_MAX;
+        std::unordered_map<std::uint64_t, char> done, inner; // inner: triangles at an edge of the face or curve at hand
+        std::size_t end = 0; // of the triangles of the face or curve at hand
         for (std::size_t t = 0; t < s.triangles.size(); ++t)
             for (std::size_t c = 0; c < 3; ++c) {
-                if (const std::size_t f = s.triangle_face[t].at(); f != face) {
-                    face = f;
+                if (t >= end) {
+                    const Face* last_face = &s.faces[s.triangle_face[t].at()];
+                    if (last_face->curved()) last_face = &s.faces[s.curves[last_face->curve].first_face + s.curves[last_face->curve].face_count - 1];
+                    end = std::size_t{last_face->first_triangle} + last_face->triangle_count;
                     inner.clear();
-                    for (std::size_t u = s.faces[f].first_triangle; u < std::size_t{s.faces[f].first_triangle} + s.faces[f].triangle_count; ++u)
+                    for (std::size_t u = t; u < end; ++u)
                         for (std::size_t k = 0; k < 3; ++k) ++inner[key(s.triangles[u][k], s.triangles[u][(k + 1) % 3])];
                 }
                 const std::uint32_t ia = s.triangles[t][c], ib = s.triangles[t][(c + 1) % 3];

@@ -318,6 +318,33 @@ TEST(Patches, ThatShareABorderCurveShareItsVertices) {
     expect_no_stretch(s);
 }
 
+// Two small ones along a side of a large one, two more meeting around its corner: their corners lie in its borders, and
+// one of its quads (it is flat: there is one) is cut along both.
+TEST(Patches, ThatShareAPartOfABorderShareTheirCorners) {
+    WorldBuilder b;
+    test::sealed_room(b, {-256, -256, -256}, {256, 256, 256});
+    const auto flat = [&](double x, double y, double wide, double high) {
+        test::patch(b, 3, 3, [&](std::uint32_t c, std::uint32_t r) { return Vec3{x + wide * c / 2, y + high * r / 2, 4e-6 * (b.world.patches.size() % 3)}; });
+    };
+    flat(0, 0, 128, 128);
+    flat(0, -32, 48, 32), flat(48, -32, 80, 32);   // below
+    flat(128, 0, 32, 100), flat(128, 100, 32, 28); // to the right
+    const test::Built built = build(b.world);
+    const Surfaces& s = built.surfaces;
+    EXPECT_TRUE(built.reported("patch-points-rounded"));
+    ASSERT_EQ(s.curves.size(), 5u);
+    std::size_t large = 0;
+    for (std::uint32_t f = s.curves[0].first_face; f < s.curves[0].first_face + s.curves[0].face_count; ++f) large += s.faces[f].triangle_count;
+    EXPECT_EQ(large, 4u);
+    EXPECT_NEAR(curve_area(s), 128 * 128 + 128 * 32 + 128 * 32, 1e-9);
+    EXPECT_NEAR(seen_area(s), curve_area(s), 1e-6 * curve_area(s));
+    for (const auto& [p, q] : open_edges(s)) { // those around all five only
+        const Vec3 m = (s.positions[p] + s.positions[q]) * 0.5;
+        EXPECT_TRUE(m.x == 0 || m.y == 128 || m.y == -32 || m.x == 160 || (m.x == 128 && m.y < 0) || (m.x > 128 && m.y == 0)) << m.x << ' ' << m.y;
+    }
+    expect_no_stretch(s);
+}
+
 TEST(Patches, ATubeIsOpenAtItsRimsAndLooksOut) {
     WorldBuilder b;
     test::sealed_room(b, {-256, -256, 0}, {256, 256, 256});

@@ -42,7 +42,7 @@ TEST(Obj, NumbersReadBackToTheLastBitAndVerticesAreShared) {
 }
 
 TEST(Obj, EachMaterialOnce) {
-    EXPECT_EQ(write_mtl({{"a b", {0.5f, 0, 0.25f}, {}, 1, "x.png"}, {.name = "a b"}, {"glow", {0, 0, 0}, {2, 0, 0}, 0.5f, ""}}),
+    EXPECT_EQ(write_mtl({{"a b", {0.5f, 0, 0.25f}, {}, 1, "x.png"}, {"a b", {}, {}, 1, ""}, {"glow", {0, 0, 0}, {2, 0, 0}, 0.5f, ""}}),
               "newmtl a_b\nKd 0.5 0 0.25\nmap_Kd x.png\n\nnewmtl glow\nKd 0 0 0\nKe 2 0 0\nd 0.5\n\n");
 }
 
