@@ -24,6 +24,7 @@ public:
         tjunctions();
         areas();
         luxels_on_faces();
+        curves_seen();
     }
 
 private:
@@ -176,6 +177,37 @@ private:
             areas.expect(std::abs(sums.first - sums.second) <= 1e-6 * (1 + sums.first), [&] {
                 return Finding{world_.location(side), fmt::format("{:.9g} square units of the side can be seen, its faces have {:.9g}", sums.first, sums.second)};
             });
+    }
+
+    // Where open space inside lies right before a curve, with no detail brush in it, its face is drawn.
+    void curves_seen() {
+        Check& seen = checker_.add("curves-seen");
+        constexpr double kBefore = 1.0 / 16; // map units: surfaces take what is within 1/128 of a plane as in it
+        std::vector<std::uint32_t> covers;   // brushes that hide what stands in them but fill no leaf
+        for (std::uint32_t b = 0; b < csg_.brushes.size(); ++b)
+            if (csg_.brushes[b].valid && world_.brushes[b].model.value == 0 && world_.brushes[b].contents == Contents::detail) covers.push_back(b);
+        const auto is_open = [&](Vec3 p) {
+            const BspLeaf& leaf = bsp_.leaves[leaf_at(bsp_, p).at()];
+            if (!leaf.cluster.valid()) return false;
+            return std::ranges::none_of(leaf.brushes, [&](BrushId b) {
+                if (!std::ranges::binary_search(covers, b.value)) return false;
+                return std::ranges::all_of(csg_.brushes[b.at()].faces, [&](const PlanePolygon& f) { return dot(csg_.planes.normal(f.support), p) <= csg_.planes.distance(f.support); });
+            });
+        };
+        for (std::size_t f = s.first_curved_face; f < s.faces.size(); ++f) {
+            const Face& face = s.faces[f];
+            std::uint32_t never = kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible;
+            if (s.curves[face.curve].kind == Curve::patch) never |= kNoDraw;
+            if (face.model.value != 0 || (world_.materials[face.material.at()].flags & never)) continue;
+            for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t) {
+                const Vec3 a = s.positions[s.triangles[t][0]], b = s.positions[s.triangles[t][1]], c = s.positions[s.triangles[t][2]];
+                const Vec3 middle = (a + b + c) / 3.0;
+                bool all = length(cross(b - a, c - a)) > 64 * kBefore * kBefore; // so near to an edge the answer is not its own
+                for (const Vec3 corner : {middle, a, b, c}) // as far towards the corners as well: no leaf's border runs through here
+                    all = all && is_open(middle + face.normal * kBefore + (corner - middle) * (length(corner - middle) > 0 ? std::min(1.0, kBefore / length(corner - middle)) : 0));
+                if (all) seen.expect(face.drawn || face.sky, [&] { return Finding{side_of(f), fmt::format("face {} is not drawn, though open space lies before it at {}", f, at(middle))}; });
+            }
+        }
     }
 
     void luxels_on_faces() {

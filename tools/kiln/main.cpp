@@ -23,7 +23,7 @@ class ExamplesFirst : public CLI::Formatter {
 public:
     std::string make_footer(const CLI::App*) const override { return ""; }
     std::string make_description(const CLI::App* app) const override {
-        const std::string examples = app->get_footer();
+        const std::string examples = app->get_name().empty() ? "" : app->get_footer(); // groups of options inherit that of kiln itself
         return CLI::Formatter::make_description(app) + (examples.empty() ? "" : "\n" + examples + "\n\n");
     }
 };

@@ -76,7 +76,7 @@ TEST(Verify, ACleanWorldPassesEveryCheckAndEveryCheckLooksAtSomething) {
     Checker checker = Checker::collecting(5);
     verify_all(m, checker);
     EXPECT_EQ(checker.failures(), 0u) << text_of(checker);
-    const std::set<std::string> kNotHere = {"closed-gaps", "inside-closed", "seams", "world-displacements", "world-patches", "curve-luxels", "occluders"};
+    const std::set<std::string> kNotHere = {"closed-gaps", "inside-closed", "seams", "world-displacements", "world-patches", "curve-luxels", "curves-seen", "occluders"};
     for (const Check& c : checker.checks())
         EXPECT_EQ(c.checked > 0, !kNotHere.contains(c.code)) << c.code;
 }
@@ -364,6 +364,7 @@ TEST_P(RealMaps, PassEveryCheck) {
     EXPECT_GT(find(checker, "portals-complete")->checked, 3u);
     if (!m.surfaces.curves.empty()) {
         EXPECT_GT(find(checker, "curve-luxels")->checked, 100u);
+        EXPECT_GT(find(checker, "curves-seen")->checked, 100u);
     }
 }
 INSTANTIATE_TEST_SUITE_P(Maps, RealMaps,

@@ -191,6 +191,13 @@ TEST(Cli, UsageErrorsNameTheNearestWord) {
     EXPECT_TRUE(says(o, "build"));
     EXPECT_EQ(w.run({}).code, 2);
     EXPECT_EQ(w.run({"--help"}).code, 0);
+    for (const char* command : {"build", "info", "dump", "verify", "export", "image", "sample", "gather", "reference", "explain"}) {
+        const std::string help = w.run({command, "--help"}).out;
+        const std::size_t examples = help.find("example");
+        ASSERT_NE(examples, std::string::npos) << command;
+        EXPECT_LT(examples, help.find("Usage:")) << command;
+        EXPECT_EQ(help.find("kiln info atrium.kiln  "), std::string::npos) << command; // kiln's own examples are not repeated
+    }
     EXPECT_EQ(w.run({"explain", "leak"}).code, 0);
     EXPECT_EQ(w.run({"explain", "no-such-code"}).code, 2);
 }
