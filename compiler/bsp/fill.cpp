@@ -94,7 +94,8 @@ void report_gaps(const World& world, const Csg& csg, const Tree& tree, const std
         const double wide = std::min({flow.doors[thin[i]].width, tree.leaves[p.leaf_front.at()].thickness,
                                       tree.leaves[p.leaf_back.at()].thickness});
         const std::vector<BrushId> near = brushes_near(world, csg, p.winding, 4);
-        context.report(Severity::warning, "micro-gap",
+        constexpr double kDrawn = 1.0 / 64; // map units: planes that miss each other by less are a rounding of the editor, nothing to mend
+        context.report(wide < kDrawn ? Severity::note : Severity::warning, "micro-gap",
                        fmt::format("a gap {:.4g} units wide at {} is taken as closed; brushes around it: {}", wide,
                                    name_place(centroid(p.winding)), name_brushes(world, near)),
                        near.empty() ? SourceLocation{.file = world.file} : world.location(near.front()));

@@ -218,40 +218,51 @@ TEST(Canonical, WedgesSideBySide) {
         }
 }
 
-// Triangular wedges have three corners, which the grid holds exactly: a terrain of them leaves nothing at all between.
-// (Its rim is ragged: walls that should be one plane are moved to be one, and their corners with them. Other dice leave a sliver
-// where two planes happen to lie within the tolerance of each other: csg/NOTES.md.)
+// Triangular wedges have three corners, which the grid holds exactly: a terrain of them leaves nothing at all between. Where
+// two tiles happen to lie within the tolerance of one plane they become one, and what that tears from their other neighbours
+// is no wider than the move (csg/NOTES.md).
 TEST(Canonical, TerrainOfTriangularWedges) {
-    for (const double far : {0.0, 16384.0, 65536.0})
-        for (const double step : {1e-6, 1e-4, 1e-3}) {
-            SCOPED_TRACE(testing::Message() << "far " << far << " step " << step);
-            Dice dice(6);
-            WorldBuilder w;
-            constexpr int n = 6;
-            std::array<std::array<Vec3, n + 1>, n + 1> top;
-            const double s = std::sin(0.61), c = std::cos(0.61);
-            for (int i = 0; i <= n; ++i)
-                for (int j = 0; j <= n; ++j) {
-                    const double x = i * 64 + dice.uniform(-20, 20), y = j * 64 + dice.uniform(-20, 20);
-                    top[i][j] = rounded({c * x - s * y + far, s * x + c * y - far, 64 + dice.uniform(0, 90)}, step);
-                }
-            const auto wedge = [&](Vec3 p, Vec3 q, Vec3 r) { // counter-clockwise from above
-                const auto down = [](Vec3 v) { return Vec3{v.x, v.y, 0}; };
-                const std::vector<SidePoints> sides{
-                    {p, r, q}, {down(p), down(q), down(r)}, {p, q, down(q)}, {q, r, down(r)}, {r, p, down(p)}};
-                w.brush(sides);
-            };
-            for (int i = 0; i < n; ++i)
-                for (int j = 0; j < n; ++j) {
-                    wedge(top[i][j], top[i + 1][j], top[i + 1][j + 1]);
-                    wedge(top[i][j], top[i + 1][j + 1], top[i][j + 1]);
-                }
-            const Geometry g = open_run(w.world);
-            ASSERT_FALSE(g.fault);
-            EXPECT_EQ(g.csg.report.invalid_brushes, 0u);
-            EXPECT_EQ(g.csg.fragments.size(), static_cast<std::size_t>(2 * n * n * 2 + 4 * n)); // tops, bottoms, rim
-            EXPECT_EQ(slivers(g.csg, kTolerance).count, 0u);
-        }
+    std::size_t untouched = 0;
+    const auto terrain = [&](std::uint64_t seed, double far, double step) {
+        SCOPED_TRACE(testing::Message() << "seed " << seed << " far " << far << " step " << step);
+        Dice dice(seed);
+        WorldBuilder w;
+        constexpr int n = 6;
+        std::array<std::array<Vec3, n + 1>, n + 1> top;
+        const double s = std::sin(0.61), c = std::cos(0.61);
+        for (int i = 0; i <= n; ++i)
+            for (int j = 0; j <= n; ++j) {
+                const double x = i * 64 + dice.uniform(-20, 20), y = j * 64 + dice.uniform(-20, 20);
+                top[i][j] = rounded({c * x - s * y + far, s * x + c * y - far, 64 + dice.uniform(0, 90)}, step);
+            }
+        const auto wedge = [&](Vec3 p, Vec3 q, Vec3 r) { // counter-clockwise from above
+            const auto down = [](Vec3 v) { return Vec3{v.x, v.y, 0}; };
+            const std::vector<SidePoints> sides{
+                {p, r, q}, {down(p), down(q), down(r)}, {p, q, down(q)}, {q, r, down(r)}, {r, p, down(p)}};
+            w.brush(sides);
+        };
+        for (int i = 0; i < n; ++i)
+            for (int j = 0; j < n; ++j) {
+                wedge(top[i][j], top[i + 1][j], top[i + 1][j + 1]);
+                wedge(top[i][j], top[i + 1][j + 1], top[i][j + 1]);
+            }
+        const Geometry g = open_run(w.world);
+        ASSERT_FALSE(g.fault);
+        EXPECT_EQ(g.csg.report.invalid_brushes, 0u);
+        EXPECT_TRUE(closure(g.world, g.csg).ok());
+        constexpr std::size_t expected = 2 * n * n * 2 + 4 * n; // tops, bottoms, rim
+        const std::size_t strips = slivers(g.csg, g.csg.report.largest_move).count;
+        EXPECT_LE(g.csg.fragments.size() - strips, expected + 2 * g.csg.report.merged_planes); // and may cut a flank
+        if (g.csg.report.merged_planes > 0) return;
+        ++untouched;
+        EXPECT_EQ(g.csg.fragments.size(), expected);
+        EXPECT_EQ(slivers(g.csg, kTolerance).count, 0u);
+    };
+    constexpr std::uint64_t kSeeds = 12;
+    for (std::uint64_t seed = 1; seed <= kSeeds; ++seed)
+        for (const double far : {0.0, 16384.0, 65536.0})
+            for (const double step : {1e-6, 1e-4, 1e-3}) terrain(seed, far, step);
+    EXPECT_GE(untouched, 9 * kSeeds / 2); // such a chance is rare
 }
 
 // Sealed by the compilers of their makers (PROVENANCE shows clusters or a .prt), so sealed here.
