@@ -182,7 +182,7 @@ private:
     // Where open space inside lies right before a curve, with no detail brush in it, its face is drawn.
     void curves_seen() {
         Check& seen = checker_.add("curves-seen");
-        constexpr double kBefore = 1.0 / 16; // map units: surfaces take what is within 1/128 of a plane as in it
+        constexpr double kBefore = 0.99 / 128; // map units: what is within 1/128 of a plane counts as in it, what is deeper as buried
         std::vector<std::uint32_t> covers;   // brushes that hide what stands in them but fill no leaf
         for (std::uint32_t b = 0; b < csg_.brushes.size(); ++b)
             if (csg_.brushes[b].valid && world_.brushes[b].model.value == 0 && world_.brushes[b].contents == Contents::detail) covers.push_back(b);
@@ -202,9 +202,8 @@ private:
             for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t) {
                 const Vec3 a = s.positions[s.triangles[t][0]], b = s.positions[s.triangles[t][1]], c = s.positions[s.triangles[t][2]];
                 const Vec3 middle = (a + b + c) / 3.0;
-                bool all = length(cross(b - a, c - a)) > 64 * kBefore * kBefore; // so near to an edge the answer is not its own
-                for (const Vec3 corner : {middle, a, b, c}) // as far towards the corners as well: no leaf's border runs through here
-                    all = all && is_open(middle + face.normal * kBefore + (corner - middle) * (length(corner - middle) > 0 ? std::min(1.0, kBefore / length(corner - middle)) : 0));
+                bool all = length(cross(b - a, c - a)) > 1; // square map units: the corners of less are hardly apart
+                for (const Vec3 corner : {middle, a, b, c}) all = all && is_open(middle + (corner - middle) * 0.999 + face.normal * kBefore);
                 if (all) seen.expect(face.drawn || face.sky, [&] { return Finding{side_of(f), fmt::format("face {} is not drawn, though open space lies before it at {}", f, at(middle))}; });
             }
         }

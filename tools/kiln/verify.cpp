@@ -61,7 +61,7 @@ nlohmann::ordered_json to_json(const Options& o, const Checker& checker, const C
     j["counts"] = {{"entities", c.world.entities.size()}, {"brushes", c.world.brushes.size()}, {"sides", c.world.sides.size()}, {"invalid_brushes", r.invalid_brushes},
                    {"grid_bits", r.grid_bits}, {"off_grid_sides", r.rounded_sides}, {"moved_sides", r.merged_planes}, {"largest_move", std::max(r.largest_move, r.largest_rounding)},
                    {"nodes", c.bsp.nodes.size()}, {"leaves", c.bsp.leaves.size()}, {"clusters", c.bsp.cluster_count}, {"portals", c.portals.size()}, {"areas", c.bsp.area_count},
-                   {"micro_gaps", c.bsp.closed.size()}, {"faces", c.surfaces.faces.size()}, {"triangles", c.surfaces.triangles.size()},
+                   {"closed_gaps", c.bsp.closed.size()}, {"faces", c.surfaces.faces.size()}, {"triangles", c.surfaces.triangles.size()},
                    {"degenerate_triangles", degenerate}, {"charts", c.surfaces.charts.size()}, {"luxels", c.surfaces.luxels.size()}};
     j["stages"] = nlohmann::json::array();
     for (const StageReport& s : c.stages) j["stages"].push_back({{"name", s.name}, {"cpu_s", s.cpu_s}, {"peak_rss_mb", s.peak_rss_mb}});
