@@ -18,12 +18,12 @@ std::string text_of(const std::filesystem::path& path) {
 
 std::set<std::string> tests_of_the_tree() {
     std::set<std::string> names;
-    const std::regex head(R"(\bTEST(?:_F|_P)?\(\s*(\w+)\s*,\s*(\w+)\s*\))");
+    const std::regex head(R"(\bTEST(?:_F|_P)?\(\s*(\w+)\s*,\s*(\w+)\s*\)|\badd_test\(NAME (\w+)\.(\w+))");
     for (const auto& entry : std::filesystem::recursive_directory_iterator(std::filesystem::path(KILN_SOURCE_DIR) / "tests")) {
         const auto ending = entry.path().extension();
-        if (ending != ".cpp" && ending != ".h") continue;
+        if (ending != ".cpp" && ending != ".h" && ending != ".txt") continue;
         const std::string text = text_of(entry.path());
-        for (std::sregex_iterator it(text.begin(), text.end(), head), end; it != end; ++it) names.insert((*it)[1].str() + "." + (*it)[2].str());
+        for (std::sregex_iterator it(text.begin(), text.end(), head), end; it != end; ++it) names.insert((*it)[1].str() + (*it)[3].str() + "." + (*it)[2].str() + (*it)[4].str());
     }
     return names;
 }
