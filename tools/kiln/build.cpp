@@ -3,7 +3,9 @@
 #include "tools/kiln/commands.h"
 #include <filesystem>
 #include <fmt/format.h>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <unistd.h>
 
 namespace kiln {
@@ -59,12 +61,29 @@ std::string report_json(const Compiled& c, const Context& context) {
     return j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
-// What editors load: the first leak's trail; or, of a sealed world, an empty .pts and no .lin (formats/portal_file/FORMAT.md).
-Result<bool> write_trails(const std::string& stem, const std::optional<Leak>& leak) {
-    if (auto r = write_file(stem + ".pts", leak ? write_pts(leak->path) : std::string()); !r) return r;
-    if (leak) return write_file(stem + ".lin", write_lin(leak->path));
+// What editors load (formats/portal_file/FORMAT.md): NAME.pts and .lin of the first leak, an empty .pts and no .lin of a sealed
+// world; NAME.leak2 and so on of further ones, NAME.areaportal12 where brush 12 of a func_areaportal parts nothing.
+// Those of an earlier build that are no longer true go.
+Result<bool> write_trails(const std::string& stem, const Compiled& c) {
+    std::map<std::string, std::span<const Vec3>> trails; // by what follows the stem
+    for (std::size_t i = 0; i < c.leaks.size(); ++i) trails[i == 0 ? "" : fmt::format(".leak{}", i + 1)] = c.leaks[i].path;
+    for (const AreaPortal& p : c.bsp.area_portals)
+        if (!p.leak.empty()) trails[fmt::format(".areaportal{}", c.world.brushes[p.brush.at()].id)] = p.leak;
+    const std::filesystem::path at(stem);
+    const std::filesystem::path folder = at.has_parent_path() ? at.parent_path() : std::filesystem::path(".");
+    const std::regex ours(R"((\.(leak|areaportal)\d+)?\.(pts|lin))");
     std::error_code ignored;
-    std::filesystem::remove(stem + ".lin", ignored);
+    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+        const std::string name = entry.path().filename().string(), stem_name = at.filename().string();
+        if (!name.starts_with(stem_name) || !std::regex_match(name.substr(stem_name.size()), ours)) continue;
+        if (!trails.contains(name.substr(stem_name.size(), name.size() - stem_name.size() - 4))) std::filesystem::remove(entry.path(), ignored);
+    }
+    if (c.leaks.empty())
+        if (auto r = write_file(stem + ".pts", std::string()); !r) return r;
+    for (const auto& [name, path] : trails) {
+        if (auto r = write_file(stem + name + ".pts", write_pts(path)); !r) return r;
+        if (auto r = write_file(stem + name + ".lin", write_lin(path)); !r) return r;
+    }
     return true;
 }
 
@@ -78,7 +97,7 @@ Command build_command(CLI::App& app) {
     };
     auto o = std::make_shared<Options>();
     o->bake.add_to(app);
-    app.add_option("-o,--output", o->output, "The level file (default: the map's name with .kiln); beside it are written a portal file (.prt) and leak trails (.pts, .lin; an empty .pts where the world is sealed)")->type_name("FILE");
+    app.add_option("-o,--output", o->output, "The level file (default: the map's name with .kiln); beside it are written a portal file (.prt) and leak trails (.pts, .lin; .leak2.pts and so on for further leaks, .areaportalID.pts for area portals that part nothing; an empty .pts where the world is sealed)")->type_name("FILE");
     app.add_option("--report", o->report, "Write stages, counts, error, leaks and diagnostics as JSON")->type_name("FILE");
     app.add_option("--stop-after", o->stop_after, "Stop after this stage; no level is written")
         ->check(CLI::IsMember(std::vector<std::string>(kStageNames.begin(), kStageNames.end())))->type_name("STAGE");
@@ -116,7 +135,7 @@ Command build_command(CLI::App& app) {
             if (!written && code == 0) code = console.fail(written.fault());
         };
         if (last >= Stage::bsp && (code == 0 || c.leak)) {
-            write(write_trails(stem, c.leak));
+            write(write_trails(stem, c));
             if (!c.portals.empty() && code == 0) {
                 PortalFile prt;
                 prt.cluster_count = c.bsp.cluster_count;

@@ -145,6 +145,39 @@ TEST(Cli, ALeakIsToldWithItsPlaceAndTrail) {
     EXPECT_FALSE(w.has("out.lin"));
 }
 
+// Every leak has its trail, and so has an area portal that parts nothing; mended, they go.
+TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
+    const Workplace w;
+    const auto room_at = [](double x, bool floor) {
+        return (floor ? box(x - 16, -16, -16, x + 144, 112, 0) : "") + box(x - 16, -16, 80, x + 144, 112, 96) + box(x - 16, -16, 0, x, 112, 80) +
+               box(x + 128, -16, 0, x + 144, 112, 80) + box(x, -16, 0, x + 128, 0, 80) + box(x, 96, 0, x + 128, 112, 80);
+    };
+    const std::string things = entity("info_player_start", 32, 32, 24) + entity("light", 532, 32, 40) +
+                               "{\n\"classname\" \"func_areaportal\"\n" + box(60, 20, 20, 64, 60, 60) + "}\n"; // in mid air: a way leads around it
+    Outcome o = build(w, w.write("leak.map", world(room_at(0, false) + room_at(500, false)) + things));
+    EXPECT_EQ(o.code, 4) << o.said;
+    for (const char* name : {"out.pts", "out.lin", "out.leak2.pts", "out.leak2.lin"}) EXPECT_TRUE(w.has(name)) << name;
+    EXPECT_NE(text_of(w.path("out.leak2.pts")), text_of(w.path("out.pts")));
+    w.write("out.leak2.txt", "of somebody else");
+    w.write("outer.leak2.pts", "of another map");
+    o = build(w, w.write("leak.map", world(room_at(0, true) + room_at(500, true)) + things));
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(says(o, "[areaportal-leak]")) << o.said;
+    EXPECT_FALSE(w.has("out.leak2.pts"));
+    EXPECT_FALSE(w.has("out.leak2.lin"));
+    EXPECT_TRUE(w.has("out.leak2.txt"));
+    EXPECT_TRUE(w.has("outer.leak2.pts"));
+    EXPECT_EQ(text_of(w.path("out.pts")), "");
+    std::string portal; // named after the brush, as the message names it
+    for (const std::string& name : w.files())
+        if (name.starts_with("out.areaportal") && name.ends_with(".lin")) portal = name;
+    ASSERT_NE(portal, "");
+    std::istringstream corners(text_of(w.path(portal)));
+    std::size_t lines = 0;
+    for (std::string line; std::getline(corners, line);) ++lines;
+    EXPECT_GT(lines, 2u);
+}
+
 TEST(Cli, MissingOrBrokenMaterialFiles) {
     const Workplace w;
     const std::string map = w.write("room.map", lit_room());
