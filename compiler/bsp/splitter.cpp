@@ -24,7 +24,7 @@ constexpr double kFlat = 0.01; // map units: a box this little across a plane is
 
 SplitterChooser::SplitterChooser(const PlaneTable& planes) : planes_(planes), candidate_of_(planes.planes.size() / 2, UINT32_MAX) {}
 
-SplitterChooser::Score SplitterChooser::score(const std::vector<SplitterItem>& items, const Candidate& c) const {
+SplitterChooser::Score SplitterChooser::score(std::span<const SplitterItem> items, const Candidate& c) const {
     const Vec3 n = planes_.normal(c.plane);
     const double d = planes_.distance(c.plane);
     const Vec3 m{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
@@ -48,10 +48,10 @@ SplitterChooser::Score SplitterChooser::score(const std::vector<SplitterItem>& i
             const double reach = 0.5 * (m.x * (hi_[0][i] - lo_[0][i]) + m.y * (hi_[1][i] - lo_[1][i]) + m.z * (hi_[2][i] - lo_[2][i])) - kFlat;
             bool before = at + reach > 0, behind = at - reach < 0;
             if (before && behind) { // the box is only a bound here
-                if (same_plane(items[i].poly.polygon.support, c.plane)) continue;
+                if (same_plane(items[i].poly.support, c.plane)) continue;
                 before = behind = false;
-                for (const Vec3& p : items[i].poly.points) {
-                    const double e = dot(n, p) - d;
+                for (const Corner& corner : items[i].poly.corners()) {
+                    const double e = dot(n, corner.point) - d;
                     before = before || e > kFlat, behind = behind || e < -kFlat;
                 }
             }
@@ -70,11 +70,11 @@ SplitterChooser::Score SplitterChooser::score(const std::vector<SplitterItem>& i
 }
 
 // Into all_; of many planes those to be tried.
-void SplitterChooser::find_candidates(const std::vector<SplitterItem>& items, const Box3& region) {
+void SplitterChooser::find_candidates(std::span<const SplitterItem> items, const Box3& region) {
     all_.clear();
     for (std::uint32_t i = 0; i < items.size(); ++i) {
         const SplitterItem& item = items[i];
-        const PlaneId plane{item.poly.polygon.support.value & ~1u};
+        const PlaneId plane{item.poly.support.value & ~1u};
         std::uint32_t& slot = candidate_of_[plane.value / 2];
         if (slot == UINT32_MAX) {
             slot = static_cast<std::uint32_t>(all_.size());
@@ -120,7 +120,7 @@ void SplitterChooser::find_candidates(const std::vector<SplitterItem>& items, co
     all_.swap(few);
 }
 
-std::size_t SplitterChooser::choose(const std::vector<SplitterItem>& items, const Box3& region) {
+std::size_t SplitterChooser::choose(std::span<const SplitterItem> items, const Box3& region) {
     find_candidates(items, region);
     if (all_.size() == 1) return all_[0].item;
     hints_.clear();
