@@ -45,7 +45,7 @@ struct SplitterItem {
 // Chooses the item whose plane divides a node best. Holds memory that it uses again from node to node.
 class SplitterChooser {
 public:
-    explicit SplitterChooser(const PlaneTable& planes);
+    explicit SplitterChooser(const Space& space);
     std::size_t choose(std::span<const SplitterItem> items, const Box3& region);
 
 private:
@@ -59,7 +59,7 @@ private:
         double value = 0; // less is better
         bool cuts_hint = false;
     };
-    const PlaneTable& planes_;
+    const Space& space_;
     std::vector<std::uint32_t> candidate_of_; // per pair of planes; UINT32_MAX: none, in between two calls all are
     std::vector<Candidate> all_;
     std::vector<double> lo_[3], hi_[3]; // of the items' boxes

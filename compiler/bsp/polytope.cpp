@@ -11,6 +11,8 @@ Space::Space(const PlaneTable& table, const Box3& world) : planes(table), margin
     double extent = 0;
     for (std::size_t i = 0; i < 3; ++i) extent = std::max({extent, std::abs(world.lo[i]), std::abs(world.hi[i])});
     margin += extent * 0x1p-34;
+    splitters.reserve(table.planes.size() / 2);
+    for (std::size_t i = 0; i < table.planes.size(); i += 2) splitters.emplace_back(table, id<PlaneId>(i));
 }
 
 PlanePolygon polygon(const Poly& poly) {

@@ -13,19 +13,22 @@
 
 namespace kiln::bsp {
 
-// The plane table with the distance beyond which rounded coordinates are to be believed.
-struct Space {
-    const PlaneTable& planes;
-    double margin; // map units
-    Space(const PlaneTable& table, const Box3& world);
-};
-
 struct Splitter {
     PlaneId plane;
     Vec3 normal;
     double distance = 0;
     Splitter(PlaneId p, Vec3 n, double d) : plane(p), normal(n), distance(d) {}
     Splitter(const PlaneTable& table, PlaneId p) : plane(p), normal(table.normal(p)), distance(table.distance(p)) {}
+};
+
+// The plane table with the distance beyond which rounded coordinates are to be believed.
+struct Space {
+    const PlaneTable& planes;
+    double margin; // map units
+    Space(const PlaneTable& table, const Box3& world);
+    const Splitter& splitter(PlaneId even) const { return splitters[even.at() / 2]; }
+
+    std::vector<Splitter> splitters; // per pair of planes: normals take roots and divisions, and each plane is asked for often
 };
 
 struct Corner {

@@ -2,6 +2,7 @@
 #include "compiler/bsp/build.h"
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <tuple>
 
@@ -20,13 +21,18 @@ constexpr double kTranslucentCost = 500; // after what hides
 
 constexpr double kFlat = 0.01; // map units: a box this little across a plane is not counted as cut by it
 
+// Two at a time: the loop over all items of a node for each of its planes is most of the choice.
+using Real = double __attribute__((vector_size(16)));
+using Whole = std::int64_t __attribute__((vector_size(16)));
+
 } // namespace
 
-SplitterChooser::SplitterChooser(const PlaneTable& planes) : planes_(planes), candidate_of_(planes.planes.size() / 2, UINT32_MAX) {}
+SplitterChooser::SplitterChooser(const Space& space) : space_(space), candidate_of_(space.planes.planes.size() / 2, UINT32_MAX) {}
 
 SplitterChooser::Score SplitterChooser::score(std::span<const SplitterItem> items, const Candidate& c) const {
-    const Vec3 n = planes_.normal(c.plane);
-    const double d = planes_.distance(c.plane);
+    const Splitter& q = space_.splitter(c.plane);
+    const Vec3 n = q.normal;
+    const double d = q.distance;
     const Vec3 m{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
     const bool axial = m.x == 1 || m.y == 1 || m.z == 1;
     Score s;
@@ -35,12 +41,21 @@ SplitterChooser::Score SplitterChooser::score(std::span<const SplitterItem> item
         const std::size_t k = m.x == 1 ? 0 : m.y == 1 ? 1 : 2;
         const double above = n[k] * d + kFlat, below = n[k] * d - kFlat;
         const double *lo = lo_[k].data(), *hi = hi_[k].data();
-        std::int64_t over = 0, under = 0, across = 0; // as wide as the doubles: the loop is done several items at a time
-        for (std::size_t i = 0, count = items.size(); i < count; ++i) { // what lies in the plane is neither
-            const std::int64_t o = hi[i] > above, u = lo[i] < below;
-            over += o, under += u, across += o & u;
+        std::size_t i = 0;
+        const std::size_t count = items.size();
+        Whole overs{}, unders{}, acrosses{}; // what lies in the plane is neither
+        for (; i + 2 <= count; i += 2) {
+            Real l, h;
+            std::memcpy(&l, lo + i, sizeof l), std::memcpy(&h, hi + i, sizeof h);
+            const Whole o = h > above, u = l < below; // -1: true
+            overs -= o, unders -= u, acrosses -= o & u;
         }
-        front = static_cast<std::size_t>(over), back = static_cast<std::size_t>(under), cut = static_cast<std::size_t>(across);
+        for (; i < count; ++i) {
+            const bool o = hi[i] > above, u = lo[i] < below;
+            overs[0] += o, unders[0] += u, acrosses[0] += o && u;
+        }
+        front = static_cast<std::size_t>(overs[0] + overs[1]), back = static_cast<std::size_t>(unders[0] + unders[1]);
+        cut = static_cast<std::size_t>(acrosses[0] + acrosses[1]);
         for (const std::uint32_t h : hints_) s.cuts_hint = s.cuts_hint || (hi[h] > above && lo[h] < below);
     } else {
         for (std::size_t i = 0; i < items.size(); ++i) {
@@ -105,12 +120,10 @@ void SplitterChooser::find_candidates(std::span<const SplitterItem> items, const
     for (std::size_t i = 0; i < kByArea; ++i) take(order[i]);
     std::vector<std::pair<double, std::size_t>> along[3];
     for (std::size_t i = 0; i < all_.size(); ++i) {
-        const ExactPlane& p = planes_.planes[all_[i].plane.at()];
-        const int zeros = (p.a == 0) + (p.b == 0) + (p.c == 0);
-        if (zeros != 2) continue;
-        const std::size_t axis = p.a != 0 ? 0 : p.b != 0 ? 1 : 2;
-        const double facing = p.a + p.b + p.c > 0 ? 1 : -1;
-        along[axis].emplace_back(std::abs(planes_.distance(all_[i].plane) * facing - region.center()[axis]), i);
+        const Splitter& q = space_.splitter(all_[i].plane);
+        const std::size_t axis = std::abs(q.normal.x) == 1 ? 0 : std::abs(q.normal.y) == 1 ? 1 : std::abs(q.normal.z) == 1 ? 2 : 3;
+        if (axis == 3) continue;
+        along[axis].emplace_back(std::abs(q.distance * q.normal[axis] - region.center()[axis]), i);
     }
     for (auto& one : along) {
         const std::size_t count = std::min(kNearMiddle, one.size());

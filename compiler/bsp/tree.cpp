@@ -42,7 +42,7 @@ std::optional<SplitterItem::Kind> kind_of(Contents behind) {
 class Builder {
 public:
     Builder(const World& world, const Csg& csg, const Space& space, const std::array<PlaneId, 6>& box, Context& context)
-        : world_(world), csg_(csg), space_(space), box_(box), context_(context), chooser_(space.planes), cutter_(space) {}
+        : world_(world), csg_(csg), space_(space), box_(box), context_(context), chooser_(space), cutter_(space) {}
 
     Tree run() {
         std::vector<Work> stack;
@@ -158,7 +158,7 @@ private:
         const std::span<SplitterItem> items = this->items(work);
         const std::size_t chosen = chooser_.choose(items, work.region.box);
         const bool hint = items[chosen].kind == SplitterItem::hint;
-        const Splitter q(space_.planes, PlaneId{items[chosen].poly.support.value & ~1u});
+        const Splitter& q = space_.splitter(PlaneId{items[chosen].poly.support.value & ~1u});
         tree_.nodes.push_back({.plane = q.plane, .child = {}, .bounds = work.region.box, .normal = q.normal,
                                .distance = q.distance});
         tree_.hint.push_back(hint);
