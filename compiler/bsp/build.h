@@ -56,17 +56,17 @@ private:
         SplitterItem::Kind kind = SplitterItem::structural;
     };
     struct Score {
-        double value = 0; // less is better
+        double value = HUGE_VAL; // less is better
         bool cuts_hint = false;
     };
     const Space& space_;
     std::vector<std::uint32_t> candidate_of_; // per pair of planes; UINT32_MAX: none, in between two calls all are
     std::vector<Candidate> all_;
-    std::vector<double> lo_[3], hi_[3]; // of the items' boxes
+    std::vector<double> lo_[3], hi_[3], sum_[3], size_[3]; // of the items' boxes; sums and sizes where a plane slopes
     std::vector<std::uint32_t> hints_;  // items
 
     void find_candidates(std::span<const SplitterItem> items, const Box3& region);
-    Score score(std::span<const SplitterItem> items, const Candidate& c) const;
+    Score score(std::span<const SplitterItem> items, const Candidate& c, double least) const;
 };
 
 // Numbers in groups, each in the order in which they came.
