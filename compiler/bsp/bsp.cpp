@@ -141,6 +141,7 @@ Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& opti
     context.say("bsp", 0.5);
     context.check_cancelled();
     std::vector<BspPortal> portals = bsp::build_portals(space, tree);
+    tree.caps = {}, tree.pool = {};
     context.say("bsp", 0.7);
     std::vector<std::uint8_t> outside(tree.leaves.size());
     if (options.fill) {
@@ -158,11 +159,9 @@ Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& opti
     bsp::Pruner(std::move(tree), outside, out, new_leaf);
     out.leaf_water.assign(out.leaves.size(), UINT32_MAX);
     for (ClosedGap& g : out.closed) g.leaf = new_leaf[g.leaf.at()];
-    for (BspPortal& p : portals) {
-        if (outside[p.leaf_front.at()] || outside[p.leaf_back.at()]) continue;
-        p.leaf_front = new_leaf[p.leaf_front.at()], p.leaf_back = new_leaf[p.leaf_back.at()];
-        out.portals.push_back(std::move(p));
-    }
+    std::erase_if(portals, [&](const BspPortal& p) { return outside[p.leaf_front.at()] || outside[p.leaf_back.at()]; });
+    for (BspPortal& p : portals) p.leaf_front = new_leaf[p.leaf_front.at()], p.leaf_back = new_leaf[p.leaf_back.at()];
+    out.portals = std::move(portals);
     std::vector<std::vector<BrushId>> portals_in(out.leaves.size());
     for (auto& [leaf, brushes] : area_portals_in)
         if (new_leaf[leaf].valid()) portals_in[new_leaf[leaf].at()] = std::move(brushes);

@@ -88,6 +88,7 @@ private:
     static SplitterItem item(const Poly& poly, SplitterItem::Kind kind) { return {poly, area(poly), kind}; }
 
     Work root() {
+        items_.reserve(csg_.fragments.size() + csg_.fragments.size() / 4); // where it grows it is copied whole
         for (const Fragment& f : csg_.fragments)
             if (const auto kind = f.model.value == 0 ? kind_of(f.behind) : std::nullopt)
                 items_.push_back(item(cutter_.make(f.polygon), *kind));
