@@ -49,7 +49,8 @@ public:
             stands_for[n] = static_cast<std::int32_t>(n);
             if (a < 0 && b < 0 && merge(leaf_of_child(a), leaf_of_child(b))) stands_for[n] = a;
         }
-        new_leaf_.assign(tree.leaves.size(), LeafId{});
+        new_leaf_.assign(leaves_.size(), LeafId{});
+        bsp_.leaves.reserve(leaves_.size()), bsp_.nodes.reserve(nodes.size());
         number(nodes, nodes.empty() ? -1 : stands_for[0]);
     }
 
@@ -137,11 +138,13 @@ Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& opti
     const bsp::Space space(out.planes, world_box);
 
     context.say("bsp", 0);
-    bsp::Tree tree = bsp::build_tree(world, csg, space, out.box, context);
+    bsp::Cutter cutter(space);
+    bsp::Tree tree = bsp::build_tree(world, csg, cutter, out.box, context);
     context.say("bsp", 0.5);
     context.check_cancelled();
-    std::vector<BspPortal> portals = bsp::build_portals(space, tree);
-    tree.caps = {}, tree.pool = {};
+    std::vector<BspPortal> portals = bsp::build_portals(cutter, tree);
+    tree.caps = {};
+    cutter.clear();
     context.say("bsp", 0.7);
     std::vector<std::uint8_t> outside(tree.leaves.size());
     if (options.fill) {
@@ -171,7 +174,7 @@ Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& opti
     bsp::find_waters(world, csg, out);
     bsp::find_occluders(world, csg, space, out, context);
     context.say("bsp", 0.8);
-    out.visible = bsp::visible_fragments(csg, space, out);
+    out.visible = bsp::visible_fragments(csg, cutter, out);
     context.say("bsp", 1);
     return out;
 }

@@ -26,15 +26,13 @@ struct VoidFace { // where a leaf is open to the world's box
 
 struct Tree {
     std::vector<BspNode> nodes; // preorder, front first
-    std::vector<Poly> caps;           // parallel: the node's plane within the node's region, facing as the plane
+    std::vector<Poly> caps;           // parallel: the node's plane within the node's region, facing as the plane; the cutter's
     std::vector<bool> hint;           // parallel: its splitter was a hint
     std::vector<TreeLeaf> leaves;     // preorder, front first
     std::vector<VoidFace> void_faces; // by leaf
     std::size_t splits = 0;           // boundary polygons cut
-    Pool pool;                        // of the caps
 };
-Tree build_tree(const World& world, const Csg& csg, const Space& space, const std::array<PlaneId, 6>& box,
-                Context& context);
+Tree build_tree(const World& world, const Csg& csg, Cutter& cutter, const std::array<PlaneId, 6>& box, Context& context);
 
 struct SplitterItem {
     enum Kind : std::uint8_t { structural, translucent, area_portal, hint };
@@ -91,7 +89,7 @@ Groups group(std::size_t groups, std::size_t count, auto&& groups_of) {
 using Pair = std::array<std::uint32_t, 2>;
 
 // Between any two open leaves; winding and hint filled.
-std::vector<BspPortal> build_portals(const Space& space, const Tree& tree);
+std::vector<BspPortal> build_portals(Cutter& cutter, const Tree& tree);
 
 std::int32_t leaf_of_child(std::int32_t child); // child < 0
 std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, double tolerance);
@@ -172,6 +170,6 @@ void find_occluders(const World& world, const Csg& csg, const Space& space, Bsp&
 // Clusters of the inside leaves, numbered in the order of leaves. Areas must be known.
 void number_clusters(const World& world, const Csg& csg, const Space& space, Bsp& bsp, Context& context);
 
-std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& space, const Bsp& bsp);
+std::vector<VisibleFragment> visible_fragments(const Csg& csg, Cutter& cutter, const Bsp& bsp);
 
 } // namespace kiln::bsp

@@ -74,7 +74,7 @@ class Cutter {
 public:
     explicit Cutter(const Space& space) : space_(space) {}
     const Space& space() const { return space_; }
-    Pool take_pool() { return std::move(pool_); } // with all that was made
+    void clear() { pool_.clear(); } // all that was made is gone
 
     Poly make(const PlanePolygon& polygon);
     Poly copy(const Poly& poly);

@@ -24,13 +24,23 @@ public:
         head = array;
     }
 
+    void clear() { // all that was taken is gone; the memory stays for what comes
+        free_ = {};
+        at_ = end_ = nullptr;
+        used_ = 0;
+    }
+
 private:
+    struct Chunk {
+        std::unique_ptr<std::byte[]> bytes;
+        std::size_t size = 0;
+    };
     // Multiples of 32 bytes up to 1024, then powers of two.
     static constexpr std::size_t kStep = 32, kFine = 32, kChunk = std::size_t{1} << 16, kLargestChunk = std::size_t{1} << 20;
     std::array<void*, kFine + 64> free_{};
-    std::vector<std::unique_ptr<std::byte[]>> chunks_;
+    std::vector<Chunk> chunks_;
+    std::size_t used_ = 0; // chunks; the last of them up to at_
     std::byte *at_ = nullptr, *end_ = nullptr;
-    std::size_t chunk_ = kChunk;
 
     static std::size_t class_of(std::size_t bytes) {
         const std::size_t steps = (bytes + kStep - 1) / kStep;
@@ -47,15 +57,19 @@ private:
             return head;
         }
         const std::size_t size = size_of(c);
-        if (static_cast<std::size_t>(end_ - at_) < size) {
-            const std::size_t chunk = std::max(chunk_, size);
-            chunks_.push_back(std::make_unique_for_overwrite<std::byte[]>(chunk));
-            at_ = chunks_.back().get(), end_ = at_ + chunk;
-            chunk_ = std::min(2 * chunk_, kLargestChunk);
-        }
+        if (static_cast<std::size_t>(end_ - at_) < size) next_chunk(size);
         void* const made = at_;
         at_ += size;
         return made;
+    }
+    void next_chunk(std::size_t least) {
+        while (used_ < chunks_.size() && chunks_[used_].size < least) ++used_;
+        if (used_ == chunks_.size()) {
+            const std::size_t size = std::max(least, std::min(kChunk << std::min(used_, std::size_t{4}), kLargestChunk));
+            chunks_.push_back({std::make_unique_for_overwrite<std::byte[]>(size), size});
+        }
+        at_ = chunks_[used_].bytes.get(), end_ = at_ + chunks_[used_].size;
+        ++used_;
     }
 };
 

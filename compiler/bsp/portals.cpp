@@ -16,11 +16,10 @@ struct Placed {
 // Hands polygons down the tree. Keeps its memory from polygon to polygon.
 class Sorter {
 public:
-    Sorter(const Space& space, const Tree& tree) : tree_(tree), cutter_(space), open_below_(tree.nodes.size()) {
+    Sorter(Cutter& cutter, const Tree& tree) : tree_(tree), cutter_(cutter), open_below_(tree.nodes.size()) {
         for (std::size_t n = tree.nodes.size(); n-- > 0;)
             for (const std::int32_t c : tree.nodes[n].child) open_below_[n] = open_below_[n] || any_open(c);
     }
-    Cutter& cutter() { return cutter_; }
     bool any_open(std::int32_t child) const {
         if (child >= 0) return open_below_[static_cast<std::size_t>(child)] != 0;
         return tree_.leaves[static_cast<std::size_t>(leaf_of_child(child))].contents != Contents::solid;
@@ -50,22 +49,23 @@ public:
 
 private:
     const Tree& tree_;
-    Cutter cutter_;
+    Cutter& cutter_;
     std::vector<std::uint8_t> open_below_; // per node: an open leaf
     std::vector<Placed> stack_;
 };
 
 } // namespace
 
-std::vector<BspPortal> build_portals(const Space& space, const Tree& tree) {
+std::vector<BspPortal> build_portals(Cutter& cutter, const Tree& tree) {
     std::vector<BspPortal> portals;
+    portals.reserve(4 * tree.nodes.size()); // levels have one to four a node; what is not touched costs nothing
     std::vector<Placed> front, both;
-    Sorter sorter(space, tree);
+    Sorter sorter(cutter, tree);
     for (std::size_t n = 0; n < tree.nodes.size(); ++n) {
         const auto [ahead, behind] = tree.nodes[n].child;
         if (!sorter.any_open(ahead) || !sorter.any_open(behind)) continue;
         front.clear();
-        sorter.push(ahead, sorter.cutter().copy(tree.caps[n]), front);
+        sorter.push(ahead, cutter.copy(tree.caps[n]), front);
         for (const Placed& f : front) {
             both.clear();
             sorter.push(behind, f.poly, both);
@@ -78,7 +78,7 @@ std::vector<BspPortal> build_portals(const Space& space, const Tree& tree) {
                 p.winding = winding(b.poly);
                 p.hint = tree.hint[n];
                 portals.push_back(std::move(p));
-                sorter.cutter().drop(b.poly);
+                cutter.drop(b.poly);
             }
         }
     }

@@ -41,8 +41,8 @@ std::optional<SplitterItem::Kind> kind_of(Contents behind) {
 
 class Builder {
 public:
-    Builder(const World& world, const Csg& csg, const Space& space, const std::array<PlaneId, 6>& box, Context& context)
-        : world_(world), csg_(csg), space_(space), box_(box), context_(context), chooser_(space), cutter_(space) {}
+    Builder(const World& world, const Csg& csg, Cutter& cutter, const std::array<PlaneId, 6>& box, Context& context)
+        : world_(world), csg_(csg), space_(cutter.space()), cutter_(cutter), box_(box), context_(context), chooser_(space_) {}
 
     Tree run() {
         std::vector<Work> stack;
@@ -62,7 +62,6 @@ public:
             stack.push_back(back);
             stack.push_back(front);
         }
-        tree_.pool = cutter_.take_pool();
         return std::move(tree_);
     }
 
@@ -70,12 +69,12 @@ private:
     const World& world_;
     const Csg& csg_;
     const Space& space_;
+    Cutter& cutter_;
     const std::array<PlaneId, 6>& box_;
     Context& context_;
     Tree tree_;
     std::size_t steps_ = 0;
     SplitterChooser chooser_;
-    Cutter cutter_;
     // Of all that waits on the stack, the top last: a node's are replaced by those behind its plane, then those in front.
     std::vector<SplitterItem> items_;
     std::vector<Piece> pieces_;
@@ -214,9 +213,8 @@ private:
 
 } // namespace
 
-Tree build_tree(const World& world, const Csg& csg, const Space& space, const std::array<PlaneId, 6>& box,
-                Context& context) {
-    return Builder(world, csg, space, box, context).run();
+Tree build_tree(const World& world, const Csg& csg, Cutter& cutter, const std::array<PlaneId, 6>& box, Context& context) {
+    return Builder(world, csg, cutter, box, context).run();
 }
 
 } // namespace kiln::bsp

@@ -62,8 +62,7 @@ std::vector<Part> sort_down(const Csg& csg, const Bsp& bsp, Cutter& cutter) {
 
 } // namespace
 
-std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& space, const Bsp& bsp) {
-    Cutter cutter(space);
+std::vector<VisibleFragment> visible_fragments(const Csg& csg, Cutter& cutter, const Bsp& bsp) {
     const std::vector<Part> parts = sort_down(csg, bsp, cutter);
     const Groups of_fragment = group(csg.fragments.size(), parts.size(), [&](std::size_t i) { return std::array{parts[i].fragment}; });
     std::vector<VisibleFragment> visible;
