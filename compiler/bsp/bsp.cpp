@@ -34,12 +34,13 @@ std::array<PlaneId, 6> add_box(PlaneTable& planes, const Box3& around) {
 // Two leaves that no one inside tells apart become one, and their node goes.
 class Pruner {
 public:
-    Pruner(const Tree& tree, const std::vector<std::uint8_t>& outside, Bsp& bsp, std::vector<LeafId>& new_leaf)
-        : tree_(tree), bsp_(bsp), new_leaf_(new_leaf) {
-        for (const TreeLeaf& l : tree.leaves)
+    Pruner(Tree&& tree, const std::vector<std::uint8_t>& outside, Bsp& bsp, std::vector<LeafId>& new_leaf)
+        : bsp_(bsp), new_leaf_(new_leaf) {
+        leaves_.reserve(tree.leaves.size());
+        for (TreeLeaf& l : tree.leaves)
             leaves_.push_back({.contents = l.contents, .cluster = {}, .outside = outside[leaves_.size()] != 0,
-                               .bounds = l.bounds, .brushes = l.brushes});
-        std::vector<BspNode> nodes = tree.nodes;
+                               .bounds = l.bounds, .brushes = std::move(l.brushes)});
+        std::vector<BspNode> nodes = std::move(tree.nodes);
         std::vector<std::int32_t> stands_for(nodes.size()); // the node itself, or the leaf it became
         for (std::size_t n = nodes.size(); n-- > 0;) {      // children come after their node
             for (std::int32_t& c : nodes[n].child)
@@ -48,12 +49,12 @@ public:
             stands_for[n] = static_cast<std::int32_t>(n);
             if (a < 0 && b < 0 && merge(leaf_of_child(a), leaf_of_child(b))) stands_for[n] = a;
         }
-        new_leaf_.assign(tree.leaves.size(), LeafId{});
+        new_leaf_.assign(leaves_.size(), LeafId{});
+        bsp_.leaves.reserve(leaves_.size()), bsp_.nodes.reserve(nodes.size());
         number(nodes, nodes.empty() ? -1 : stands_for[0]);
     }
 
 private:
-    const Tree& tree_;
     Bsp& bsp_;
     std::vector<LeafId>& new_leaf_;
     std::vector<BspLeaf> leaves_;
@@ -63,6 +64,7 @@ private:
         if (a.contents != b.contents || a.outside != b.outside) return false;
         if (a.open() && !a.outside) return false;
         a.bounds.add(b.bounds);
+        if (a.brushes == b.brushes || b.brushes.empty()) return true;
         std::vector<BrushId> all;
         std::ranges::set_union(a.brushes, b.brushes, std::back_inserter(all));
         a.brushes = std::move(all);
@@ -136,38 +138,43 @@ Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& opti
     const bsp::Space space(out.planes, world_box);
 
     context.say("bsp", 0);
-    const bsp::Tree tree = bsp::build_tree(world, csg, space, out.box, context);
+    bsp::Cutter cutter(space);
+    bsp::Tree tree = bsp::build_tree(world, csg, cutter, out.box, context);
     context.say("bsp", 0.5);
     context.check_cancelled();
-    std::vector<BspPortal> portals = bsp::build_portals(space, tree);
+    std::vector<BspPortal> portals = bsp::build_portals(cutter, tree);
+    tree.caps = {};
+    cutter.clear();
     context.say("bsp", 0.7);
     std::vector<std::uint8_t> outside(tree.leaves.size());
     if (options.fill) {
         const bsp::Flow flow = bsp::make_flow(tree, portals, options.micro_gap);
         outside = bsp::fill_outside(tree, portals, flow);
         bsp::report_gaps(world, csg, tree, portals, flow, outside, context);
+        out.closed = bsp::closed_gaps(world, csg, space, tree, portals, outside);
     }
     context.check_cancelled();
 
-    std::vector<LeafId> new_leaf;
-    bsp::Pruner(tree, outside, out, new_leaf);
-    out.leaf_water.assign(out.leaves.size(), UINT32_MAX);
-    if (options.fill) out.closed = bsp::closed_gaps(world, csg, space, tree, portals, outside, new_leaf);
-    for (BspPortal& p : portals) {
-        if (outside[p.leaf_front.at()] || outside[p.leaf_back.at()]) continue;
-        p.leaf_front = new_leaf[p.leaf_front.at()], p.leaf_back = new_leaf[p.leaf_back.at()];
-        out.portals.push_back(std::move(p));
-    }
-    std::vector<std::vector<BrushId>> portals_in(out.leaves.size());
+    std::vector<std::pair<std::size_t, std::vector<BrushId>>> area_portals_in; // leaf
     for (std::size_t l = 0; l < tree.leaves.size(); ++l)
-        if (!tree.leaves[l].area_portals.empty() && new_leaf[l].valid()) portals_in[new_leaf[l].at()] = tree.leaves[l].area_portals;
+        if (!tree.leaves[l].area_portals.empty()) area_portals_in.emplace_back(l, std::move(tree.leaves[l].area_portals));
+    std::vector<LeafId> new_leaf;
+    bsp::Pruner(std::move(tree), outside, out, new_leaf);
+    out.leaf_water.assign(out.leaves.size(), UINT32_MAX);
+    for (ClosedGap& g : out.closed) g.leaf = new_leaf[g.leaf.at()];
+    std::erase_if(portals, [&](const BspPortal& p) { return outside[p.leaf_front.at()] || outside[p.leaf_back.at()]; });
+    for (BspPortal& p : portals) p.leaf_front = new_leaf[p.leaf_front.at()], p.leaf_back = new_leaf[p.leaf_back.at()];
+    out.portals = std::move(portals);
+    std::vector<std::vector<BrushId>> portals_in(out.leaves.size());
+    for (auto& [leaf, brushes] : area_portals_in)
+        if (new_leaf[leaf].valid()) portals_in[new_leaf[leaf].at()] = std::move(brushes);
     bsp::number_areas(out, portals_in);
     bsp::number_clusters(world, csg, space, out, context);
     bsp::find_area_portals(world, csg, portals_in, out, options.fill, context);
     bsp::find_waters(world, csg, out);
     bsp::find_occluders(world, csg, space, out, context);
     context.say("bsp", 0.8);
-    out.visible = bsp::visible_fragments(csg, space, out);
+    out.visible = bsp::visible_fragments(csg, cutter, out);
     context.say("bsp", 1);
     return out;
 }
@@ -190,24 +197,23 @@ std::vector<std::vector<PlanePolygon>> leaf_polytopes(const Bsp& bsp) {
     for (const BspLeaf& l : bsp.leaves) box.add(l.bounds);
     const bsp::Space space(bsp.planes, box);
     std::vector<std::vector<PlanePolygon>> leaves(bsp.leaves.size());
+    bsp::Cutter cutter(space);
     std::vector<std::pair<std::int32_t, bsp::Polytope>> stack;
-    stack.emplace_back(bsp.nodes.empty() ? -1 : 0, bsp::Polytope{bsp::box_faces(bsp.planes, bsp.box), {}});
+    stack.emplace_back(bsp.nodes.empty() ? -1 : 0, cutter.make_box(bsp.box));
     while (!stack.empty()) {
-        auto [at, region] = std::move(stack.back());
+        auto [at, region] = stack.back();
         stack.pop_back();
         if (at < 0) {
             auto& faces = leaves[static_cast<std::size_t>(bsp::leaf_of_child(at))];
-            for (bsp::Poly& f : region.faces) faces.push_back(std::move(f.polygon));
+            for (const bsp::Poly& f : region.faces()) faces.push_back(polygon(f));
+            cutter.drop(region);
             continue;
         }
         const BspNode& n = bsp.nodes[static_cast<std::size_t>(at)];
-        const auto cap =
-            bsp::clip_behind(bsp.planes, bsp::plane_quad(bsp.planes, bsp.box, n.plane), region.faces);
-        KILN_CHECK(cap.has_value());
         bsp::Polytope front, back;
-        bsp::cut(space, std::move(region), bsp::Splitter(n.plane, n.normal, n.distance), *cap, front, back);
-        stack.emplace_back(n.child[1], std::move(back));
-        stack.emplace_back(n.child[0], std::move(front));
+        cutter.cut(region, bsp::Splitter(n.plane, n.normal, n.distance), bsp.box, front, back);
+        stack.emplace_back(n.child[1], back);
+        stack.emplace_back(n.child[0], front);
     }
     return leaves;
 }

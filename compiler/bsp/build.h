@@ -3,6 +3,7 @@
 #include "compiler/bsp/bsp.h"
 #include "compiler/bsp/polytope.h"
 #include "libs/core/context.h"
+#include <deque>
 #include <functional>
 
 namespace kiln::bsp {
@@ -11,24 +12,27 @@ Box3 world_box(const World& world, const Csg& csg); // around every brush of the
 
 struct TreeLeaf {
     Contents contents = Contents::empty;
-    std::vector<BrushId> area_portals;         // with volume in it, sorted
-    std::vector<std::vector<Vec3>> void_faces; // where it is open to the world's box
-    std::vector<PlanePolygon> void_polygons;   // the same, facing out
+    std::vector<BrushId> area_portals; // with volume in it, sorted
     Box3 bounds;
-    double thickness = 0;         // least extent, map units
+    double thickness = 0;         // least extent, map units; solid ones have none
     Vec3 thin_way{};              // unit, the way it is least
     std::vector<BrushId> brushes; // sorted
+};
+struct VoidFace { // where a leaf is open to the world's box
+    std::uint32_t leaf;
+    std::vector<Vec3> winding;
+    PlanePolygon polygon; // the same, facing out
 };
 
 struct Tree {
     std::vector<BspNode> nodes; // preorder, front first
-    std::vector<PlanePolygon> caps; // parallel: the node's plane within the node's region, facing as the plane
-    std::vector<bool> hint;         // parallel: its splitter was a hint
-    std::vector<TreeLeaf> leaves;   // preorder, front first
-    std::size_t splits = 0;         // boundary polygons cut
+    std::vector<Poly> caps;           // parallel: the node's plane within the node's region, facing as the plane; the cutter's
+    std::vector<bool> hint;           // parallel: its splitter was a hint
+    std::vector<TreeLeaf> leaves;     // preorder, front first
+    std::vector<VoidFace> void_faces; // by leaf
+    std::size_t splits = 0;           // boundary polygons cut
 };
-Tree build_tree(const World& world, const Csg& csg, const Space& space, const std::array<PlaneId, 6>& box,
-                Context& context);
+Tree build_tree(const World& world, const Csg& csg, Cutter& cutter, const std::array<PlaneId, 6>& box, Context& context);
 
 struct SplitterItem {
     enum Kind : std::uint8_t { structural, translucent, area_portal, hint };
@@ -39,8 +43,8 @@ struct SplitterItem {
 // Chooses the item whose plane divides a node best. Holds memory that it uses again from node to node.
 class SplitterChooser {
 public:
-    explicit SplitterChooser(const PlaneTable& planes);
-    std::size_t choose(const std::vector<SplitterItem>& items, const Box3& region);
+    explicit SplitterChooser(const Space& space);
+    std::size_t choose(std::span<const SplitterItem> items, const Box3& region);
 
 private:
     struct Candidate { // a plane that some items lie in
@@ -50,21 +54,42 @@ private:
         SplitterItem::Kind kind = SplitterItem::structural;
     };
     struct Score {
-        double value = 0; // less is better
+        double value = HUGE_VAL; // less is better
         bool cuts_hint = false;
     };
-    const PlaneTable& planes_;
+    const Space& space_;
     std::vector<std::uint32_t> candidate_of_; // per pair of planes; UINT32_MAX: none, in between two calls all are
     std::vector<Candidate> all_;
-    std::vector<double> lo_[3], hi_[3]; // of the items' boxes
+    std::vector<double> lo_[3], hi_[3], sum_[3], size_[3]; // of the items' boxes; sums and sizes where a plane slopes
     std::vector<std::uint32_t> hints_;  // items
 
-    void find_candidates(const std::vector<SplitterItem>& items, const Box3& region);
-    Score score(const std::vector<SplitterItem>& items, const Candidate& c) const;
+    void find_candidates(std::span<const SplitterItem> items, const Box3& region);
+    Score score(std::span<const SplitterItem> items, const Candidate& c, double least) const;
 };
 
+// Numbers in groups, each in the order in which they came.
+struct Groups {
+    std::vector<std::uint32_t> first, members; // group g: members [first[g], first[g + 1])
+    std::span<const std::uint32_t> operator[](std::size_t g) const { return std::span(members).subspan(first[g], first[g + 1] - first[g]); }
+    std::size_t size() const { return first.size() - 1; }
+};
+// Numbers 0..count - 1; each is in groups_of(number)[0] and [1].
+Groups group(std::size_t groups, std::size_t count, auto&& groups_of) {
+    Groups g;
+    g.first.assign(groups + 2, 0); // one ahead while filling
+    for (std::size_t i = 0; i < count; ++i)
+        for (const std::uint32_t in : groups_of(i)) ++g.first[in + 2];
+    for (std::size_t i = 2; i < g.first.size(); ++i) g.first[i] += g.first[i - 1];
+    g.members.resize(g.first.back());
+    for (std::size_t i = 0; i < count; ++i)
+        for (const std::uint32_t in : groups_of(i)) g.members[g.first[in + 1]++] = static_cast<std::uint32_t>(i);
+    g.first.pop_back();
+    return g;
+}
+using Pair = std::array<std::uint32_t, 2>;
+
 // Between any two open leaves; winding and hint filled.
-std::vector<BspPortal> build_portals(const Space& space, const Tree& tree);
+std::vector<BspPortal> build_portals(Cutter& cutter, const Tree& tree);
 
 std::int32_t leaf_of_child(std::int32_t child); // child < 0
 std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, double tolerance);
@@ -77,17 +102,17 @@ std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, dou
 // outside, through portals that are all as large as can be.
 struct Door {
     std::array<std::uint32_t, 2> rooms{};
-    std::vector<Vec3> winding;
-    double width = 0, area = 0;
+    std::span<const Vec3> winding; // of the portals, or of the flow
 };
-struct Flow {
+struct Flow { // valid as long as the tree and the portals
     double micro_gap = 0;
-    std::vector<std::uint32_t> room_leaf;                 // per room; room l is leaf l where that is not thin
-    std::vector<std::vector<std::uint32_t>> doors_of;     // per room, ascending
-    std::vector<Door> doors;                              // first those of the portals, in their order
-    std::vector<std::vector<std::uint32_t>> portals_of;   // per leaf, ascending
-    std::vector<std::pair<std::uint32_t, std::vector<Vec3>>> shore; // rooms open to the world's box, and where
-    bool open(std::uint32_t door) const { return doors[door].width >= micro_gap; }
+    std::vector<std::uint32_t> room_leaf; // per room; room l is leaf l where that is not thin
+    Groups doors_of;                      // per room, ascending
+    std::vector<Door> doors;              // first those of the portals, in their order
+    Groups portals_of;                    // per leaf, ascending
+    std::vector<std::pair<std::uint32_t, std::span<const Vec3>>> shore; // rooms open to the world's box, and where
+    std::deque<std::vector<Vec3>> ways;                                 // windings of doors through thin leaves
+    bool open(std::uint32_t door) const { return width(doors[door].winding) >= micro_gap; } // most doors are never asked
 };
 Flow make_flow(const Tree& tree, const std::vector<BspPortal>& portals, double micro_gap);
 // Rooms of the leaf from which one can be at the point.
@@ -98,11 +123,9 @@ std::vector<std::uint8_t> rooms_of_the_void(const Flow& flow); // per room: the 
 std::vector<std::uint8_t> fill_outside(const Tree& tree, const std::vector<BspPortal>& portals, const Flow& flow);
 void report_gaps(const World& world, const Csg& csg, const Tree& tree, const std::vector<BspPortal>& portals,
                  const Flow& flow, const std::vector<std::uint8_t>& outside, Context& context);
-// Where inside meets outside or the world's box (a thin leaf may run through it all), what no detail brush closes;
-// `new_leaf`: after pruning.
+// Where inside meets outside or the world's box (a thin leaf may run through it all), what no detail brush closes.
 std::vector<ClosedGap> closed_gaps(const World& world, const Csg& csg, const Space& space, const Tree& tree,
-                                   const std::vector<BspPortal>& portals, const std::vector<std::uint8_t>& outside,
-                                   std::span<const LeafId> new_leaf);
+                                   const std::vector<BspPortal>& portals, const std::vector<std::uint8_t>& outside);
 
 // A room to stand in: a leaf of the finished tree, or a room of the flow.
 struct EntityPlace {
@@ -147,6 +170,6 @@ void find_occluders(const World& world, const Csg& csg, const Space& space, Bsp&
 // Clusters of the inside leaves, numbered in the order of leaves. Areas must be known.
 void number_clusters(const World& world, const Csg& csg, const Space& space, Bsp& bsp, Context& context);
 
-std::vector<VisibleFragment> visible_fragments(const Csg& csg, const Space& space, const Bsp& bsp);
+std::vector<VisibleFragment> visible_fragments(const Csg& csg, Cutter& cutter, const Bsp& bsp);
 
 } // namespace kiln::bsp

@@ -17,40 +17,39 @@ constexpr std::uint32_t kAlone = UINT32_MAX;
 double volume(const Polytope& body) {
     const Vec3 at = body.box.center();
     double six = 0;
-    for (const Poly& f : body.faces)
-        for (std::size_t i = 2; i < f.points.size(); ++i)
-            six += dot(f.points[0] - at, cross(f.points[i - 1] - at, f.points[i] - at));
+    for (const Poly& f : body.faces())
+        for (std::size_t i = 2; i < f.count; ++i)
+            six += dot(f.first[0].point - at, cross(f.first[i - 1].point - at, f.first[i].point - at));
     return six / 6;
 }
 
 // Volume of the part of `body` in the union of the brushes. Cut exactly; measured with the rounded corners.
-double volume_in(const Space& space, const std::array<PlaneId, 6>& box, const Polytope& body, const Csg& csg, std::span<const BrushId> brushes) {
-    std::vector<Polytope> rest{body}, next;
+double volume_in(Cutter& cutter, const std::array<PlaneId, 6>& box, const Polytope& body, const Csg& csg, std::span<const BrushId> brushes) {
+    std::vector<Polytope> rest{cutter.copy(body)}, next;
     double sum = 0;
     for (const BrushId b : brushes) {
         next.clear();
         for (Polytope& part : rest) {
             bool gone = false;
             for (const PlanePolygon& face : csg.brushes[b.at()].faces) {
-                const Splitter q(space.planes, face.support);
-                const unsigned s = sides(space, part, q);
+                const PlanePolygon quad = plane_quad(cutter.space().planes, box, face.support);
+                Polytope front, back;
+                const unsigned s = cutter.divide(part, Splitter(cutter.space().planes, face.support), quad.edges, front, back);
                 if (s == kBack) continue;
+                next.push_back(s == kBoth ? front : part);
                 if (s == kFront) {
-                    next.push_back(std::move(part));
                     gone = true;
                     break;
                 }
-                const auto cap = clip_behind(space.planes, plane_quad(space.planes, box, face.support), part.faces);
-                KILN_CHECK(cap.has_value());
-                Polytope front, back;
-                cut(space, std::move(part), q, *cap, front, back);
-                next.push_back(std::move(front));
-                part = std::move(back);
+                part = back;
             }
-            if (!gone) sum += volume(part);
+            if (gone) continue;
+            sum += volume(part);
+            cutter.drop(part);
         }
         rest.swap(next);
     }
+    for (const Polytope& part : rest) cutter.drop(part);
     return sum;
 }
 
@@ -61,6 +60,7 @@ void join_vis_clusters(const World& world, const Csg& csg, const Space& space, c
         if (csg.brushes[b].valid && world.brushes[b].contents == Contents::vis_cluster) volumes[world.brushes[b].entity].push_back(id<BrushId>(b));
     if (volumes.empty()) return;
     const std::vector<std::vector<PlanePolygon>> polytopes = leaf_polytopes(bsp);
+    Cutter cutter(space);
     std::vector<double> largest(bsp.leaves.size(), kMostly);
     std::vector<EntityId> of_leaf(bsp.leaves.size());
     for (const auto& [entity, brushes] : volumes) {
@@ -68,12 +68,11 @@ void join_vis_clusters(const World& world, const Csg& csg, const Space& space, c
         for (const BrushId b : brushes) around.add(csg.brushes[b.at()].bounds);
         for (std::size_t l = 0; l < bsp.leaves.size(); ++l) {
             if (!bsp.leaves[l].open() || bsp.leaves[l].outside || !overlap(around, bsp.leaves[l].bounds)) continue;
-            Polytope body;
-            for (const PlanePolygon& f : polytopes[l]) body.faces.push_back(make_poly(space.planes, f));
-            refresh_box(body);
+            const Polytope body = cutter.make(polytopes[l]);
             const double whole = volume(body);
-            if (const double share = volume_in(space, bsp.box, body, csg, brushes) / whole; share > largest[l])
+            if (const double share = volume_in(cutter, bsp.box, body, csg, brushes) / whole; share > largest[l])
                 largest[l] = share, of_leaf[l] = entity;
+            cutter.drop(body);
         }
     }
     std::uint32_t joined = 0;

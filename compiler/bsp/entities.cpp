@@ -80,8 +80,10 @@ Result<LeakTest> find_leaks(const World& world, const Csg& csg, const Bsp& bsp, 
     if (!excused) {
         // The finished tree keeps nothing of the outside; the way out is found in the whole one.
         const bsp::Space space(bsp.planes, bsp::world_box(world, csg));
-        const bsp::Tree tree = bsp::build_tree(world, csg, space, bsp.box, context);
-        const bsp::Flow flow = bsp::make_flow(tree, bsp::build_portals(space, tree), options.micro_gap);
+        bsp::Cutter cutter(space);
+        const bsp::Tree tree = bsp::build_tree(world, csg, cutter, bsp.box, context);
+        const std::vector<BspPortal> portals = bsp::build_portals(cutter, tree);
+        const bsp::Flow flow = bsp::make_flow(tree, portals, options.micro_gap);
         const std::vector<std::uint8_t> from_void = bsp::rooms_of_the_void(flow);
         const auto rooms = [&](LeafId l, Vec3 at) {
             return tree.leaves[l.at()].contents == Contents::solid ? std::vector<std::uint32_t>{} : bsp::rooms_at(tree, flow, l, at);

@@ -91,7 +91,7 @@ void report_gaps(const World& world, const Csg& csg, const Tree& tree, const std
         if (gap_of[i] != gaps) continue; // its gap has been reported
         if (++gaps > kMostGapReports) continue;
         const BspPortal& p = portals[thin[i]];
-        const double wide = std::min({flow.doors[thin[i]].width, tree.leaves[p.leaf_front.at()].thickness,
+        const double wide = std::min({width(flow.doors[thin[i]].winding), tree.leaves[p.leaf_front.at()].thickness,
                                       tree.leaves[p.leaf_back.at()].thickness});
         const std::vector<BrushId> near = brushes_near(world, csg, p.winding, 4);
         constexpr double kDrawn = 1.0 / 64; // map units: planes that miss each other by less are a rounding of the editor, nothing to mend

@@ -1,5 +1,6 @@
 #include "compiler/bsp/build.h"
 #include <algorithm>
+#include <map>
 
 namespace kiln::bsp {
 namespace {
@@ -24,57 +25,49 @@ std::vector<Vec3> overlap_along(std::span<const Vec3> subject, std::span<const V
     return part.size() < 3 ? std::vector<Vec3>{} : part;
 }
 
-void add_door(Flow& flow, std::uint32_t a, std::uint32_t b, std::vector<Vec3> winding) {
-    Door door{{a, b}, std::move(winding), 0, 0};
-    door.width = width(door.winding), door.area = area(door.winding);
-    for (const std::uint32_t r : door.rooms) flow.doors_of[r].push_back(static_cast<std::uint32_t>(flow.doors.size()));
-    flow.doors.push_back(std::move(door));
-}
-
-std::uint32_t add_room(Flow& flow, std::uint32_t leaf) {
-    flow.room_leaf.push_back(leaf);
-    flow.doors_of.emplace_back();
-    return static_cast<std::uint32_t>(flow.room_leaf.size() - 1);
-}
-
 } // namespace
 
 Flow make_flow(const Tree& tree, const std::vector<BspPortal>& portals, double micro_gap) {
     Flow flow;
     flow.micro_gap = micro_gap;
-    flow.portals_of.resize(tree.leaves.size());
-    for (std::uint32_t l = 0; l < tree.leaves.size(); ++l) add_room(flow, l);
+    for (std::uint32_t l = 0; l < tree.leaves.size(); ++l) flow.room_leaf.push_back(l);
+    const auto add_room = [&](std::uint32_t leaf) {
+        flow.room_leaf.push_back(leaf);
+        return static_cast<std::uint32_t>(flow.room_leaf.size() - 1);
+    };
     const auto is_thin = [&](std::uint32_t l) { return tree.leaves[l].thickness < micro_gap; };
     struct Opening {
         std::uint32_t room;
-        std::vector<Vec3> winding;
+        std::span<const Vec3> winding;
     };
-    std::vector<std::vector<Opening>> openings(tree.leaves.size()); // of thin leaves
-    for (std::uint32_t p = 0; p < portals.size(); ++p) {
-        std::array<std::uint32_t, 2> rooms{portals[p].leaf_front.value, portals[p].leaf_back.value};
+    std::map<std::uint32_t, std::vector<Opening>> openings; // of thin leaves
+    flow.doors.reserve(portals.size());
+    for (const BspPortal& p : portals) {
+        Pair rooms{p.leaf_front.value, p.leaf_back.value};
         for (std::uint32_t& r : rooms) {
             const std::uint32_t leaf = r;
-            flow.portals_of[leaf].push_back(p);
             if (!is_thin(leaf)) continue;
-            r = add_room(flow, leaf);
-            openings[leaf].push_back({r, portals[p].winding});
+            r = add_room(leaf);
+            openings[leaf].push_back({r, p.winding});
         }
-        add_door(flow, rooms[0], rooms[1], portals[p].winding);
+        flow.doors.push_back({rooms, p.winding});
     }
-    for (std::uint32_t l = 0; l < tree.leaves.size(); ++l)
-        for (const std::vector<Vec3>& face : tree.leaves[l].void_faces) {
-            const std::uint32_t room = is_thin(l) ? add_room(flow, l) : l;
-            if (is_thin(l)) openings[l].push_back({room, face});
-            flow.shore.emplace_back(room, face);
-        }
-    for (std::uint32_t l = 0; l < tree.leaves.size(); ++l)
-        for (std::size_t i = 0; i < openings[l].size(); ++i)
-            for (std::size_t k = i + 1; k < openings[l].size(); ++k) {
-                std::vector<Vec3> way =
-                    overlap_along(openings[l][i].winding, openings[l][k].winding, tree.leaves[l].thin_way);
-                if (!way.empty() && width(way) >= micro_gap)
-                    add_door(flow, openings[l][i].room, openings[l][k].room, std::move(way));
+    for (const VoidFace& f : tree.void_faces) {
+        const std::uint32_t room = is_thin(f.leaf) ? add_room(f.leaf) : f.leaf;
+        if (is_thin(f.leaf)) openings[f.leaf].push_back({room, f.winding});
+        flow.shore.emplace_back(room, f.winding);
+    }
+    for (const auto& [leaf, all] : openings)
+        for (std::size_t i = 0; i < all.size(); ++i)
+            for (std::size_t k = i + 1; k < all.size(); ++k) {
+                std::vector<Vec3> way = overlap_along(all[i].winding, all[k].winding, tree.leaves[leaf].thin_way);
+                if (way.empty() || width(way) < micro_gap) continue;
+                flow.ways.push_back(std::move(way));
+                flow.doors.push_back({{all[i].room, all[k].room}, flow.ways.back()});
             }
+    flow.portals_of = group(tree.leaves.size(), portals.size(),
+                            [&](std::size_t p) { return Pair{portals[p].leaf_front.value, portals[p].leaf_back.value}; });
+    flow.doors_of = group(flow.room_leaf.size(), flow.doors.size(), [&](std::size_t d) { return flow.doors[d].rooms; });
     return flow;
 }
 

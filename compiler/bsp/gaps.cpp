@@ -5,14 +5,15 @@ namespace kiln::bsp {
 namespace {
 
 // Appends the parts of `poly` that are not in the closed brush.
-void subtract(const Space& space, Poly poly, const BrushPolytope& brush, std::vector<Poly>& out) {
-    for (const PlanePolygon& face : brush.faces) {
-        if (same_plane(face.support, poly.polygon.support)) continue; // in the plane of a face: the other faces decide
-        Halves halves = cut(space, std::move(poly), Splitter(space.planes, face.support));
-        if (halves.front) out.push_back(std::move(*halves.front));
-        if (!halves.back) return;
-        poly = std::move(*halves.back);
+void subtract(Cutter& cutter, Poly poly, const BrushPolytope& brush, std::vector<Poly>& out) {
+    for (const PlanePolygon& face : brush.faces) { // in the plane of a face: the other faces decide
+        Poly behind;
+        const unsigned s = cutter.divide(poly, Splitter(cutter.space().planes, face.support), behind);
+        if (s & kFront) out.push_back(poly);
+        if (s == kFront) return;
+        if (s == kBoth) poly = behind;
     }
+    cutter.drop(poly);
 }
 
 SideId side_beside(const World& world, const Csg& csg, std::span<const Vec3> winding) {
@@ -31,30 +32,29 @@ SideId side_beside(const World& world, const Csg& csg, std::span<const Vec3> win
 } // namespace
 
 std::vector<ClosedGap> closed_gaps(const World& world, const Csg& csg, const Space& space, const Tree& tree,
-                                   const std::vector<BspPortal>& portals, const std::vector<std::uint8_t>& outside,
-                                   std::span<const LeafId> new_leaf) {
+                                   const std::vector<BspPortal>& portals, const std::vector<std::uint8_t>& outside) {
     std::vector<ClosedGap> gaps;
+    Cutter cutter(space);
     // Detail in the opening closes that part of it itself: with its own visible faces.
     const auto close = [&](const PlanePolygon& facing_in, LeafId inside, std::initializer_list<LeafId> around) {
-        std::vector<Poly> parts{make_poly(space.planes, facing_in)}, next;
-        const SideId side = side_beside(world, csg, parts.front().points);
+        std::vector<Poly> parts{cutter.make(facing_in)}, next;
+        const SideId side = side_beside(world, csg, winding(parts.front()));
         for (const LeafId l : around)
             for (const BrushId b : tree.leaves[l.at()].brushes) {
                 if (world.brushes[b.at()].contents != Contents::detail) continue;
                 next.clear();
-                for (Poly& part : parts) subtract(space, std::move(part), csg.brushes[b.at()], next);
+                for (const Poly& part : parts) subtract(cutter, part, csg.brushes[b.at()], next);
                 parts.swap(next);
             }
-        for (Poly& part : parts) gaps.push_back({std::move(part.polygon), new_leaf[inside.at()], side});
+        for (const Poly& part : parts) gaps.push_back({polygon(part), inside, side});
     };
     for (const BspPortal& p : portals) {
         const bool front_out = outside[p.leaf_front.at()] != 0, back_out = outside[p.leaf_back.at()] != 0;
         if (front_out == back_out) continue;
         close(front_out ? flipped(p.polygon) : p.polygon, front_out ? p.leaf_back : p.leaf_front, {p.leaf_front, p.leaf_back});
     }
-    for (std::size_t l = 0; l < tree.leaves.size(); ++l)
-        if (!outside[l])
-            for (const PlanePolygon& f : tree.leaves[l].void_polygons) close(flipped(f), id<LeafId>(l), {id<LeafId>(l)});
+    for (const VoidFace& f : tree.void_faces)
+        if (!outside[f.leaf]) close(flipped(f.polygon), id<LeafId>(f.leaf), {id<LeafId>(f.leaf)});
     return gaps;
 }
 

@@ -180,7 +180,7 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
     if (!starts.empty()) {
         MinCut cut(flow.room_leaf.size());
         for (std::uint32_t d = 0; d < flow.doors.size(); ++d)
-            if (!closed[d]) cut.connect(flow.doors[d].rooms[0], flow.doors[d].rooms[1], flow.doors[d].area, d);
+            if (!closed[d]) cut.connect(flow.doors[d].rooms[0], flow.doors[d].rooms[1], area(flow.doors[d].winding), d);
         for (const std::uint32_t e : starts)
             for (const std::uint32_t r : placed.entities[e].rooms) cut.source(r);
         for (std::uint32_t r = 0; r < on_shore.size(); ++r)
@@ -189,7 +189,7 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
         if (auto least = cut.run(kCutSteps)) {
             cuts = std::move(*least);
         } else if (const auto trail = shortest_trail(flow, placed.entities, starts, closed); trail && !trail->doors.empty()) {
-            cuts = {*std::ranges::min_element(trail->doors, {}, [&](std::uint32_t d) { return flow.doors[d].area; })};
+            cuts = {*std::ranges::min_element(trail->doors, {}, [&](std::uint32_t d) { return area(flow.doors[d].winding); })};
         }
         std::vector<Box3> boxes;
         for (const std::uint32_t d : cuts) boxes.push_back(box_of(flow.doors[d].winding, 0.5));
@@ -207,10 +207,11 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
                     shut[cuts[i]] = 1;
                     continue;
                 }
+                const double size = area(door.winding);
                 about.insert(about.end(), door.winding.begin(), door.winding.end());
-                windings.push_back(door.winding);
-                if (door.area > largest) largest = door.area, facing = normalize(cross(door.winding[1] - door.winding[0], door.winding[2] - door.winding[0]));
-                middle += centroid(door.winding) * door.area, total += door.area;
+                windings.emplace_back(door.winding.begin(), door.winding.end());
+                if (size > largest) largest = size, facing = normalize(cross(door.winding[1] - door.winding[0], door.winding[2] - door.winding[0]));
+                middle += centroid(door.winding) * size, total += size;
             }
             const std::optional<Trail> trail = shortest_trail(flow, placed.entities, starts, shut);
             if (!trail) continue;

@@ -11,23 +11,25 @@ namespace {
 // Areas of the open leaves that the polygon passes through or lies against.
 void collect_areas(const Space& space, const Bsp& bsp, const PlanePolygon& polygon, std::set<std::uint32_t>& areas) {
     std::vector<std::pair<std::int32_t, Poly>> stack;
-    stack.emplace_back(bsp.nodes.empty() ? -1 : 0, make_poly(space.planes, polygon));
+    Cutter cutter(space);
+    stack.emplace_back(bsp.nodes.empty() ? -1 : 0, cutter.make(polygon));
     while (!stack.empty()) {
-        auto [at, poly] = std::move(stack.back());
+        auto [at, poly] = stack.back();
         stack.pop_back();
         if (at < 0) {
             if (const std::uint32_t area = bsp.leaves[static_cast<std::size_t>(leaf_of_child(at))].area) areas.insert(area);
             continue;
         }
         const BspNode& node = bsp.nodes[static_cast<std::size_t>(at)];
-        if (same_plane(poly.polygon.support, node.plane)) {
-            stack.emplace_back(node.child[0], poly);
-            stack.emplace_back(node.child[1], std::move(poly));
+        if (same_plane(poly.support, node.plane)) {
+            stack.emplace_back(node.child[0], cutter.copy(poly));
+            stack.emplace_back(node.child[1], poly);
             continue;
         }
-        Halves halves = cut(space, std::move(poly), Splitter(node.plane, node.normal, node.distance));
-        if (halves.back) stack.emplace_back(node.child[1], std::move(*halves.back));
-        if (halves.front) stack.emplace_back(node.child[0], std::move(*halves.front));
+        Poly behind;
+        const unsigned side = cutter.divide(poly, Splitter(node.plane, node.normal, node.distance), behind);
+        if (side & kBack) stack.emplace_back(node.child[1], side == kBoth ? behind : poly);
+        if (side & kFront) stack.emplace_back(node.child[0], poly);
     }
 }
 

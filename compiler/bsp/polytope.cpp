@@ -11,115 +11,22 @@ Space::Space(const PlaneTable& table, const Box3& world) : planes(table), margin
     double extent = 0;
     for (std::size_t i = 0; i < 3; ++i) extent = std::max({extent, std::abs(world.lo[i]), std::abs(world.hi[i])});
     margin += extent * 0x1p-34;
+    splitters.reserve(table.planes.size() / 2);
+    for (std::size_t i = 0; i < table.planes.size(); i += 2) splitters.emplace_back(table, id<PlaneId>(i));
 }
 
-Poly make_poly(const PlaneTable& table, PlanePolygon polygon) {
-    Poly p;
-    p.polygon = std::move(polygon);
-    p.points = points(table, p.polygon);
-    for (const Vec3& v : p.points) p.box.add(v);
+PlanePolygon polygon(const Poly& poly) {
+    PlanePolygon p{poly.support, {}};
+    p.edges.reserve(poly.count);
+    for (const Corner& c : poly.corners()) p.edges.push_back(c.edge);
     return p;
 }
 
-unsigned box_side(const Space& space, const Box3& box, const Splitter& q) {
-    const Vec3 c = box.center(), h = box.size() * 0.5;
-    const double at = dot(q.normal, c) - q.distance;
-    const double reach = std::abs(q.normal.x) * h.x + std::abs(q.normal.y) * h.y + std::abs(q.normal.z) * h.z;
-    if (at - reach > space.margin) return kFront;
-    if (at + reach < -space.margin) return kBack;
-    return kBoth;
-}
-
-namespace {
-
-int side_of_vertex(const Space& space, const Poly& poly, std::size_t i, const Splitter& q) {
-    const double d = dot(q.normal, poly.points[i]) - q.distance;
-    if (d > space.margin) return 1;
-    if (d < -space.margin) return -1;
-    const auto& edges = poly.polygon.edges;
-    return space.planes.side(poly.polygon.support, edges[i == 0 ? edges.size() - 1 : i - 1], edges[i], q.plane);
-}
-
-// The part of `poly` where keep * side > 0, with the plane that closes it. The points it keeps are those it has: rounding
-// depends on the point alone, not on the planes that give it. fresh[k]: the points where q meets edge `crossed[k]`.
-Poly part(const Poly& poly, const std::int8_t* side, int keep, PlaneId closing, const std::array<std::size_t, 2>& crossed,
-          const std::array<Vec3, 2>& fresh) {
-    const std::size_t n = poly.points.size();
-    const auto& edges = poly.polygon.edges;
-    Poly out;
-    out.polygon.support = poly.polygon.support;
-    out.polygon.edges.reserve(n + 1);
-    out.points.reserve(n + 1);
-    const auto add = [&](PlaneId edge, const Vec3& from) {
-        out.polygon.edges.push_back(edge);
-        out.points.push_back(from);
-        out.box.add(from);
-    };
-    const auto met = [&](std::size_t edge) { return fresh[crossed[0] == edge ? 0 : 1]; };
-    for (std::size_t i = 0; i < n; ++i) {
-        const std::size_t next = i + 1 == n ? 0 : i + 1;
-        const int here = keep * side[i], there = keep * side[next];
-        if (here <= 0 && there <= 0) continue;
-        add(edges[i], here < 0 ? met(i) : poly.points[i]);
-        if (there <= 0) add(closing, there < 0 ? met(i) : poly.points[next]);
-    }
-    return out;
-}
-
-} // namespace
-
-unsigned sides(const Space& space, const Poly& poly, const Splitter& q) {
-    if (same_plane(poly.polygon.support, q.plane)) return 0;
-    if (const unsigned s = box_side(space, poly.box, q); s != kBoth) return s;
-    unsigned found = 0;
-    for (std::size_t i = 0; i < poly.points.size() && found != kBoth; ++i) {
-        const int s = side_of_vertex(space, poly, i, q);
-        found |= s > 0 ? kFront : s < 0 ? kBack : 0;
-    }
-    KILN_CHECK(found != 0); // planes are interned: a polygon lies in q only if q is its support
-    return found;
-}
-
-unsigned divide(const Space& space, Poly& poly, const Splitter& q, Poly& back) {
-    if (same_plane(poly.polygon.support, q.plane)) return 0;
-    if (const unsigned s = box_side(space, poly.box, q); s != kBoth) return s;
-    constexpr std::size_t kSmall = 64;
-    std::array<std::int8_t, kSmall> small;
-    std::vector<std::int8_t> large;
-    const std::size_t n = poly.points.size();
-    std::int8_t* side = small.data();
-    if (n > kSmall) large.resize(n), side = large.data();
-    unsigned found = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-        side[i] = static_cast<std::int8_t>(side_of_vertex(space, poly, i, q));
-        found |= side[i] > 0 ? kFront : side[i] < 0 ? kBack : 0;
-    }
-    KILN_CHECK(found != 0);
-    if (found != kBoth) return found;
-    std::array<std::size_t, 2> crossed{n, n};
-    std::array<Vec3, 2> fresh{};
-    std::size_t count = 0;
-    for (std::size_t i = 0; i < n; ++i)
-        if (side[i] * side[i + 1 == n ? 0 : i + 1] < 0) {
-            KILN_CHECK_OP(count, <, std::size_t{2}); // convex
-            crossed[count] = i;
-            fresh[count++] = space.planes.point(poly.polygon.support, poly.polygon.edges[i], q.plane);
-        }
-    back = part(poly, side, -1, q.plane, crossed, fresh);
-    poly = part(poly, side, +1, flipped(q.plane), crossed, fresh);
-    return kBoth;
-}
-
-Halves cut(const Space& space, Poly&& poly, const Splitter& q) {
-    Halves halves;
-    Poly back;
-    switch (divide(space, poly, q, back)) {
-    case kFront: halves.front = std::move(poly); break;
-    case kBack: halves.back = std::move(poly); break;
-    case kBoth: halves.front = std::move(poly), halves.back = std::move(back); break;
-    default: break;
-    }
-    return halves;
+std::vector<Vec3> winding(const Poly& poly) {
+    std::vector<Vec3> points;
+    points.reserve(poly.count);
+    for (const Corner& c : poly.corners()) points.push_back(c.point);
+    return points;
 }
 
 PlanePolygon plane_quad(const PlaneTable& table, const std::array<PlaneId, 6>& box, PlaneId q) {
@@ -134,55 +41,274 @@ PlanePolygon plane_quad(const PlaneTable& table, const std::array<PlaneId, 6>& b
     return quad;
 }
 
-std::optional<PlanePolygon> clip_behind(const PlaneTable& table, PlanePolygon polygon, std::span<const Poly> faces) {
-    for (const Poly& f : faces)
-        if (!clip_to_back(table, polygon, f.polygon.support)) return std::nullopt;
-    return polygon;
+Poly Cutter::make(const PlanePolygon& polygon) {
+    Poly p;
+    p.support = polygon.support;
+    p.count = static_cast<std::uint32_t>(polygon.size());
+    p.first = pool_.take<Corner>(p.count);
+    PlaneId before = polygon.edges.back();
+    for (std::size_t i = 0; i < p.count; ++i) {
+        const PlaneId edge = polygon.edges[i];
+        p.first[i] = {space_.planes.point(p.support, before, edge), edge};
+        p.box.add(p.first[i].point);
+        before = edge;
+    }
+    return p;
 }
 
-std::vector<Poly> box_faces(const PlaneTable& table, const std::array<PlaneId, 6>& box) {
-    std::vector<Poly> faces;
-    for (const PlaneId p : box) faces.push_back(make_poly(table, plane_quad(table, box, p)));
-    return faces;
+Poly Cutter::copy(const Poly& poly) {
+    Poly p = poly;
+    p.first = pool_.take<Corner>(p.count);
+    std::copy_n(poly.first, p.count, p.first);
+    return p;
 }
 
-void refresh_box(Polytope& polytope) {
-    polytope.box = {};
-    for (const Poly& f : polytope.faces) polytope.box.add(f.box);
+Polytope Cutter::make(std::span<const PlanePolygon> faces) {
+    Polytope body;
+    body.room = static_cast<std::uint32_t>(faces.size());
+    body.first = pool_.take<Poly>(body.room);
+    for (const PlanePolygon& f : faces) {
+        body.first[body.count++] = make(f);
+        body.box.add(body.first[body.count - 1].box);
+    }
+    return body;
 }
 
-unsigned sides(const Space& space, const Polytope& polytope, const Splitter& q) {
-    if (const unsigned s = box_side(space, polytope.box, q); s != kBoth) return s;
+Polytope Cutter::copy(const Polytope& body) {
+    Polytope p = body;
+    p.room = p.count;
+    p.first = pool_.take<Poly>(p.room);
+    for (std::size_t i = 0; i < p.count; ++i) p.first[i] = copy(body.first[i]);
+    return p;
+}
+
+Polytope Cutter::make_box(const std::array<PlaneId, 6>& box) {
+    std::vector<PlanePolygon> faces;
+    for (const PlaneId p : box) faces.push_back(plane_quad(space_.planes, box, p));
+    return make(faces);
+}
+
+void Cutter::drop(const Polytope& body) {
+    for (const Poly& f : body.faces()) drop(f);
+    pool_.give(body.first, body.room);
+}
+
+std::int8_t* Cutter::sides_of(std::size_t corners) {
+    if (side_.size() < corners) side_.resize(corners);
+    return side_.data();
+}
+
+unsigned Cutter::classify(const Poly& poly, const Splitter& q, std::int8_t* side) const {
     unsigned found = 0;
-    for (const Poly& f : polytope.faces) {
+    for (std::size_t i = 0; i < poly.count; ++i) {
+        const double d = dot(q.normal, poly.first[i].point) - q.distance;
+        const int s = d > space_.margin    ? 1
+                      : d < -space_.margin ? -1
+                                           : space_.planes.side(poly.support, poly.first[i == 0 ? poly.count - 1 : i - 1].edge, poly.first[i].edge, q.plane);
+        side[i] = static_cast<std::int8_t>(s);
+        found |= s > 0 ? kFront : s < 0 ? kBack : 0;
+    }
+    KILN_CHECK(found != 0); // planes are interned: a polygon lies in q only if q is its support
+    return found;
+}
+
+// The part of `poly` where keep * side > 0, with the plane that closes it. The points it keeps are those it has: rounding
+// depends on the point alone, not on the planes that give it. `in`: the edge whose crossing is points.in_point.
+Poly Cutter::part(const Poly& poly, const std::int8_t* side, int keep, PlaneId closing, std::size_t in, const Crossed& points) {
+    const std::size_t n = poly.count;
+    std::uint32_t count = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+        const int here = keep * side[i], there = keep * side[i + 1 == n ? 0 : i + 1];
+        if (here > 0 || there > 0) count += there <= 0 ? 2 : 1;
+    }
+    Poly out;
+    out.support = poly.support;
+    out.first = pool_.take<Corner>(count);
+    const auto add = [&](PlaneId edge, const Vec3& from) {
+        out.first[out.count++] = {from, edge};
+        out.box.add(from);
+    };
+    const auto met = [&](std::size_t edge) { return edge == in ? points.in_point : points.out_point; };
+    for (std::size_t i = 0; i < n; ++i) {
+        const std::size_t next = i + 1 == n ? 0 : i + 1;
+        const int here = keep * side[i], there = keep * side[next];
+        if (here <= 0 && there <= 0) continue;
+        add(poly.first[i].edge, here < 0 ? met(i) : poly.first[i].point);
+        if (there <= 0) add(closing, there < 0 ? met(i) : poly.first[next].point);
+    }
+    return out;
+}
+
+// `crossed`: filled but for points found among those of other faces.
+void Cutter::split(const Poly& poly, const Splitter& q, const std::int8_t* side, Crossed& crossed, Poly& front, Poly& back) {
+    const std::size_t n = poly.count;
+    std::size_t in = n;
+    crossed.face = poly.support;
+    for (std::size_t i = 0; i < n; ++i) {
+        const int here = side[i], there = side[i + 1 == n ? 0 : i + 1];
+        if (here == 0) crossed.clean = false;
+        if (here * there >= 0) continue;
+        const PlaneId edge = poly.first[i].edge;
+        const Vec3* known = find_crossing(edge, poly.support);
+        const Vec3 point = known ? *known : space_.planes.point(poly.support, edge, q.plane);
+        if (here > 0) {
+            KILN_CHECK(!crossed.in.valid()); // convex
+            crossed.in = edge, crossed.in_point = point, in = i;
+        } else {
+            KILN_CHECK(!crossed.out.valid());
+            crossed.out = edge, crossed.out_point = point;
+        }
+    }
+    back = part(poly, side, -1, q.plane, in, crossed);
+    front = part(poly, side, +1, flipped(q.plane), in, crossed);
+    drop(poly);
+}
+
+unsigned Cutter::divide(Poly& poly, const Splitter& q, Poly& back) {
+    if (same_plane(poly.support, q.plane)) return 0;
+    if (const unsigned s = box_side(space_, poly.box, q); s != kBoth) return s;
+    std::int8_t* const side = sides_of(poly.count);
+    if (const unsigned s = classify(poly, q, side); s != kBoth) return s;
+    crossed_.clear();
+    Crossed crossed;
+    const Poly whole = poly;
+    split(whole, q, side, crossed, poly, back);
+    return kBoth;
+}
+
+unsigned Cutter::classify(const Polytope& body, const Splitter& q) {
+    if (const unsigned s = box_side(space_, body.box, q); s != kBoth) return s;
+    std::size_t corners = 0;
+    for (const Poly& f : body.faces()) {
         // A face in q settles it: a convex body lies behind each of its faces.
-        if (f.polygon.support == q.plane) return kBack;
-        if (same_plane(f.polygon.support, q.plane)) return kFront;
-        if (found != kBoth) found |= sides(space, f, q);
+        if (f.support == q.plane) return kBack;
+        if (same_plane(f.support, q.plane)) return kFront;
+        corners += f.count;
+    }
+    std::int8_t* side = sides_of(corners);
+    face_side_.resize(body.count);
+    faces_.clear();
+    unsigned found = 0;
+    for (std::size_t i = 0; i < body.count; ++i) {
+        const Poly& f = body.first[i];
+        unsigned s = box_side(space_, f.box, q);
+        if (s == kBoth) s = classify(f, q, side);
+        face_side_[i] = static_cast<std::uint8_t>(s);
+        faces_.push_back(f.support);
+        found |= s;
+        side += f.count;
     }
     return found;
 }
 
-void cut(const Space& space, Polytope&& polytope, const Splitter& q, const PlanePolygon& cap, Polytope& front,
-         Polytope& back) {
-    front.faces.reserve(polytope.faces.size() + 1);
-    back.faces.reserve(polytope.faces.size() + 1);
-    for (Poly& f : polytope.faces) {
-        Poly behind;
-        const unsigned s = divide(space, f, q, behind);
-        if (s & kFront) front.faces.push_back(std::move(f));
-        if (s == kBack) back.faces.push_back(std::move(f));
-        if (s == kBoth) back.faces.push_back(std::move(behind));
+const Vec3* Cutter::find_crossing(PlaneId face, PlaneId edge) const {
+    for (const Crossed& c : crossed_)
+        if (c.face == face) return c.in == edge ? &c.in_point : c.out == edge ? &c.out_point : nullptr;
+    return nullptr;
+}
+
+// The faces as classify left their sides. Each point where q meets an edge is rounded once, though two faces and the
+// section share it.
+void Cutter::split_faces(Polytope& body, const Splitter& q, Polytope& front, Polytope& back) {
+    front = back = {};
+    front.room = back.room = body.count + 1;
+    front.first = pool_.take<Poly>(front.room), back.first = pool_.take<Poly>(back.room);
+    crossed_.clear();
+    const std::int8_t* side = side_.data();
+    for (std::size_t i = 0; i < body.count; ++i) {
+        const Poly& f = body.first[i];
+        if (face_side_[i] == kFront) front.first[front.count++] = f;
+        else if (face_side_[i] == kBack) back.first[back.count++] = f;
+        else {
+            Crossed crossed;
+            split(f, q, side, crossed, front.first[front.count++], back.first[back.count++]);
+            crossed_.push_back(crossed);
+        }
+        side += body.first[i].count;
     }
-    back.faces.push_back(make_poly(space.planes, cap));
-    Poly other = back.faces.back();
-    other.polygon = flipped(cap);
-    // Vertex i of the flipped polygon is vertex n - i of the other.
-    std::reverse(other.points.begin(), other.points.end());
-    if (!other.points.empty()) std::rotate(other.points.begin(), other.points.end() - 1, other.points.end());
-    front.faces.push_back(std::move(other));
-    refresh_box(front);
-    refresh_box(back);
+    pool_.give(body.first, body.room);
+    body = {};
+}
+
+// q within the polytope, from crossed face to crossed face. Not where q meets a corner: which faces it goes through there
+// is a choice.
+bool Cutter::walk_section(const Splitter& q, Poly& section) {
+    if (crossed_.size() < 3 || !std::ranges::all_of(crossed_, &Crossed::clean)) return false;
+    section = {};
+    section.support = q.plane;
+    section.first = pool_.take<Corner>(crossed_.size());
+    const Crossed* at = crossed_.data();
+    do {
+        if (section.count == crossed_.size()) break;
+        section.first[section.count++] = {at->in_point, at->face};
+        section.box.add(at->in_point);
+        const auto next = std::ranges::find(crossed_, at->out, &Crossed::face);
+        if (next == crossed_.end() || next->in != at->face) break;
+        at = &*next;
+    } while (at != crossed_.data());
+    if (at == crossed_.data() && section.count == crossed_.size()) return true;
+    pool_.give(section.first, crossed_.size());
+    return false;
+}
+
+// What of outline_ is behind all of faces_.
+Poly Cutter::clip_section(const Splitter& q) {
+    outline_.support = q.plane;
+    for (const PlaneId f : faces_) KILN_CHECK(clip_to_back(space_.planes, outline_, f)); // q has area in the polytope
+    Poly section;
+    section.support = q.plane;
+    section.count = static_cast<std::uint32_t>(outline_.size());
+    section.first = pool_.take<Corner>(section.count);
+    PlaneId before = outline_.edges.back();
+    for (std::size_t i = 0; i < section.count; ++i) {
+        const PlaneId edge = outline_.edges[i];
+        const Vec3* known = find_crossing(before, edge);
+        section.first[i] = {known ? *known : space_.planes.point(q.plane, before, edge), edge};
+        section.box.add(section.first[i].point);
+        before = edge;
+    }
+    return section;
+}
+
+void Cutter::close(const Poly& section, Polytope& front, Polytope& back) {
+    back.first[back.count++] = section;
+    Poly other = section; // facing the other way: its corner i is corner n - i of the section
+    other.support = flipped(section.support);
+    other.first = pool_.take<Corner>(other.count);
+    for (std::size_t i = 0, n = other.count; i < n; ++i)
+        other.first[i] = {section.first[i == 0 ? 0 : n - i].point, section.first[n - 1 - i].edge};
+    front.first[front.count++] = other;
+    for (Polytope* p : {&front, &back})
+        for (const Poly& f : p->faces()) p->box.add(f.box);
+}
+
+unsigned Cutter::divide(Polytope& body, const Splitter& q, std::span<const PlaneId> around, Polytope& front, Polytope& back) {
+    const unsigned s = classify(body, q);
+    if (s != kBoth) return s;
+    split_faces(body, q, front, back);
+    Poly section;
+    if (!walk_section(q, section)) {
+        outline_.edges.assign(around.begin(), around.end());
+        section = clip_section(q);
+    }
+    close(section, front, back);
+    return kBoth;
+}
+
+Poly Cutter::cut(Polytope& body, const Splitter& q, const std::array<PlaneId, 6>& box, Polytope& front, Polytope& back) {
+    KILN_CHECK_OP(classify(body, q), ==, kBoth);
+    split_faces(body, q, front, back);
+    outline_ = plane_quad(space_.planes, box, q.plane); // clipped, not walked: where its border starts does not depend on the order of faces
+    const Poly section = clip_section(q);
+    close(section, front, back);
+    return section;
+}
+
+double area(const Poly& poly) {
+    Vec3 sum{};
+    const Corner* c = poly.first;
+    for (std::size_t i = 2; i < poly.count; ++i) sum += cross(c[i - 1].point - c[0].point, c[i].point - c[0].point);
+    return length(sum) / 2;
 }
 
 double area(std::span<const Vec3> winding) {

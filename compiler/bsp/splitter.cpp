@@ -2,6 +2,7 @@
 #include "compiler/bsp/build.h"
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <tuple>
 
@@ -20,61 +21,91 @@ constexpr double kTranslucentCost = 500; // after what hides
 
 constexpr double kFlat = 0.01; // map units: a box this little across a plane is not counted as cut by it
 
+constexpr std::size_t kSloping = 3;
+std::size_t axis_of(Vec3 n) { return std::abs(n.x) == 1 ? 0 : std::abs(n.y) == 1 ? 1 : std::abs(n.z) == 1 ? 2 : kSloping; }
+
+// Two at a time: the loop over all items of a node for each of its planes is most of the choice.
+using Real = double __attribute__((vector_size(16)));
+using Whole = std::int64_t __attribute__((vector_size(16)));
+Real load(const double* at) {
+    Real r;
+    std::memcpy(&r, at, sizeof r);
+    return r;
+}
+
 } // namespace
 
-SplitterChooser::SplitterChooser(const PlaneTable& planes) : planes_(planes), candidate_of_(planes.planes.size() / 2, UINT32_MAX) {}
+SplitterChooser::SplitterChooser(const Space& space) : space_(space), candidate_of_(space.planes.planes.size() / 2, UINT32_MAX) {}
 
-SplitterChooser::Score SplitterChooser::score(const std::vector<SplitterItem>& items, const Candidate& c) const {
-    const Vec3 n = planes_.normal(c.plane);
-    const double d = planes_.distance(c.plane);
+// Gives up on a plane that is certain to come to `least` or more.
+SplitterChooser::Score SplitterChooser::score(std::span<const SplitterItem> items, const Candidate& c, double least) const {
+    const Splitter& q = space_.splitter(c.plane);
+    const Vec3 n = q.normal;
+    const double d = q.distance;
     const Vec3 m{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
-    const bool axial = m.x == 1 || m.y == 1 || m.z == 1;
+    const std::size_t k = axis_of(n);
+    const bool axial = k != kSloping;
+    double fixed = -kInPlaneGain * static_cast<double>(c.count);
+    if (axial) fixed -= kAxialGain;
+    if (c.kind == SplitterItem::translucent) fixed += kTranslucentCost;
+    const std::size_t count = items.size();
     Score s;
-    std::size_t front = 0, back = 0, cut = 0;
+    Whole fronts{}, backs{}, cuts{};
+    std::size_t i = 0;
     if (axial) {
-        const std::size_t k = m.x == 1 ? 0 : m.y == 1 ? 1 : 2;
         const double above = n[k] * d + kFlat, below = n[k] * d - kFlat;
         const double *lo = lo_[k].data(), *hi = hi_[k].data();
-        std::int64_t over = 0, under = 0, across = 0; // as wide as the doubles: the loop is done several items at a time
-        for (std::size_t i = 0, count = items.size(); i < count; ++i) { // what lies in the plane is neither
-            const std::int64_t o = hi[i] > above, u = lo[i] < below;
-            over += o, under += u, across += o & u;
+        for (; i + 2 <= count; i += 2) { // what lies in the plane is neither
+            const Whole o = load(hi + i) > above, u = load(lo + i) < below; // -1: true
+            fronts -= o, backs -= u, cuts -= o & u;
+            if ((i & 254) == 254 && kCutCost * static_cast<double>(cuts[0] + cuts[1]) + fixed >= least) return {};
         }
-        front = static_cast<std::size_t>(over), back = static_cast<std::size_t>(under), cut = static_cast<std::size_t>(across);
+        for (; i < count; ++i) {
+            const bool o = hi[i] > above, u = lo[i] < below;
+            fronts[0] += o, backs[0] += u, cuts[0] += o && u;
+        }
         for (const std::uint32_t h : hints_) s.cuts_hint = s.cuts_hint || (hi[h] > above && lo[h] < below);
     } else {
-        for (std::size_t i = 0; i < items.size(); ++i) {
-            const double at = 0.5 * (n.x * (lo_[0][i] + hi_[0][i]) + n.y * (lo_[1][i] + hi_[1][i]) + n.z * (lo_[2][i] + hi_[2][i])) - d;
-            const double reach = 0.5 * (m.x * (hi_[0][i] - lo_[0][i]) + m.y * (hi_[1][i] - lo_[1][i]) + m.z * (hi_[2][i] - lo_[2][i])) - kFlat;
-            bool before = at + reach > 0, behind = at - reach < 0;
-            if (before && behind) { // the box is only a bound here
-                if (same_plane(items[i].poly.polygon.support, c.plane)) continue;
-                before = behind = false;
-                for (const Vec3& p : items[i].poly.points) {
-                    const double e = dot(n, p) - d;
-                    before = before || e > kFlat, behind = behind || e < -kFlat;
-                }
+        const auto look_closer = [&](std::size_t at) { // where the box, which is only a bound here, is on both sides
+            if (same_plane(items[at].poly.support, c.plane)) return;
+            bool before = false, behind = false;
+            for (const Corner& corner : items[at].poly.corners()) {
+                const double e = dot(n, corner.point) - d;
+                before = before || e > kFlat, behind = behind || e < -kFlat;
             }
-            front += before, back += behind;
-            if (before && behind) {
-                ++cut;
-                if (items[i].kind == SplitterItem::hint) s.cuts_hint = true;
-            }
+            fronts[0] += before, backs[0] += behind, cuts[0] += before && behind;
+            if (before && behind && items[at].kind == SplitterItem::hint) s.cuts_hint = true;
+        };
+        const auto at_of = [&](auto x, auto y, auto z) { return (n.x * x + n.y * y + n.z * z) * 0.5 - d; };
+        const auto reach_of = [&](auto x, auto y, auto z) { return (m.x * x + m.y * y + m.z * z) * 0.5 - kFlat; };
+        for (; i + 2 <= count; i += 2) {
+            const Real at = at_of(load(&sum_[0][i]), load(&sum_[1][i]), load(&sum_[2][i]));
+            const Real reach = reach_of(load(&size_[0][i]), load(&size_[1][i]), load(&size_[2][i]));
+            const Whole before = at + reach > 0, behind = at - reach < 0, both = before & behind;
+            fronts -= before & ~both, backs -= behind & ~both;
+            if ((both[0] | both[1]) == 0) continue;
+            if (both[0]) look_closer(i);
+            if (both[1]) look_closer(i + 1);
+            if (kCutCost * static_cast<double>(cuts[0]) + fixed >= least) return {};
+        }
+        for (; i < count; ++i) {
+            const double at = at_of(sum_[0][i], sum_[1][i], sum_[2][i]), reach = reach_of(size_[0][i], size_[1][i], size_[2][i]);
+            const bool before = at + reach > 0, behind = at - reach < 0;
+            if (before && behind) look_closer(i);
+            else fronts[0] += before, backs[0] += behind;
         }
     }
-    const double unbalanced = std::abs(static_cast<double>(front) - static_cast<double>(back));
-    s.value = kCutCost * static_cast<double>(cut) + kUnevenCost * unbalanced - kInPlaneGain * static_cast<double>(c.count);
-    if (axial) s.value -= kAxialGain;
-    if (c.kind == SplitterItem::translucent) s.value += kTranslucentCost;
+    const auto cut = static_cast<double>(cuts[0] + cuts[1]), front = static_cast<double>(fronts[0] + fronts[1]), back = static_cast<double>(backs[0] + backs[1]);
+    s.value = kCutCost * cut + kUnevenCost * std::abs(front - back) + fixed;
     return s;
 }
 
 // Into all_; of many planes those to be tried.
-void SplitterChooser::find_candidates(const std::vector<SplitterItem>& items, const Box3& region) {
+void SplitterChooser::find_candidates(std::span<const SplitterItem> items, const Box3& region) {
     all_.clear();
     for (std::uint32_t i = 0; i < items.size(); ++i) {
         const SplitterItem& item = items[i];
-        const PlaneId plane{item.poly.polygon.support.value & ~1u};
+        const PlaneId plane{item.poly.support.value & ~1u};
         std::uint32_t& slot = candidate_of_[plane.value / 2];
         if (slot == UINT32_MAX) {
             slot = static_cast<std::uint32_t>(all_.size());
@@ -105,12 +136,10 @@ void SplitterChooser::find_candidates(const std::vector<SplitterItem>& items, co
     for (std::size_t i = 0; i < kByArea; ++i) take(order[i]);
     std::vector<std::pair<double, std::size_t>> along[3];
     for (std::size_t i = 0; i < all_.size(); ++i) {
-        const ExactPlane& p = planes_.planes[all_[i].plane.at()];
-        const int zeros = (p.a == 0) + (p.b == 0) + (p.c == 0);
-        if (zeros != 2) continue;
-        const std::size_t axis = p.a != 0 ? 0 : p.b != 0 ? 1 : 2;
-        const double facing = p.a + p.b + p.c > 0 ? 1 : -1;
-        along[axis].emplace_back(std::abs(planes_.distance(all_[i].plane) * facing - region.center()[axis]), i);
+        const Splitter& q = space_.splitter(all_[i].plane);
+        const std::size_t axis = axis_of(q.normal);
+        if (axis == kSloping) continue;
+        along[axis].emplace_back(std::abs(q.distance * q.normal[axis] - region.center()[axis]), i);
     }
     for (auto& one : along) {
         const std::size_t count = std::min(kNearMiddle, one.size());
@@ -120,21 +149,25 @@ void SplitterChooser::find_candidates(const std::vector<SplitterItem>& items, co
     all_.swap(few);
 }
 
-std::size_t SplitterChooser::choose(const std::vector<SplitterItem>& items, const Box3& region) {
+std::size_t SplitterChooser::choose(std::span<const SplitterItem> items, const Box3& region) {
     find_candidates(items, region);
     if (all_.size() == 1) return all_[0].item;
     hints_.clear();
-    for (std::size_t k = 0; k < 3; ++k) lo_[k].resize(items.size()), hi_[k].resize(items.size());
+    for (std::size_t k = 0; k < 3; ++k)
+        for (auto* of : {&lo_[k], &hi_[k], &sum_[k], &size_[k]})
+            if (of->size() < items.size()) of->resize(items.size());
+    const bool sloping = std::ranges::any_of(all_, [&](const Candidate& c) { return axis_of(space_.splitter(c.plane).normal) == kSloping; });
     for (std::uint32_t i = 0; i < items.size(); ++i) {
         const Box3& box = items[i].poly.box;
-        lo_[0][i] = box.lo.x, lo_[1][i] = box.lo.y, lo_[2][i] = box.lo.z;
-        hi_[0][i] = box.hi.x, hi_[1][i] = box.hi.y, hi_[2][i] = box.hi.z;
+        for (std::size_t k = 0; k < 3; ++k) lo_[k][i] = box.lo[k], hi_[k][i] = box.hi[k];
+        if (sloping)
+            for (std::size_t k = 0; k < 3; ++k) sum_[k][i] = box.lo[k] + box.hi[k], size_[k][i] = box.hi[k] - box.lo[k];
         if (items[i].kind == SplitterItem::hint) hints_.push_back(i);
     }
     std::size_t best = 0;
     std::pair<bool, double> least{true, std::numeric_limits<double>::infinity()};
     for (const Candidate& c : all_) {
-        const Score s = score(items, c);
+        const Score s = score(items, c, least.first ? std::numeric_limits<double>::infinity() : least.second);
         // A hint polygon is cut by nothing but another hint: it says where a level is to be divided.
         const std::pair<bool, double> now{s.cuts_hint && c.kind != SplitterItem::hint, s.value};
         if (now < least) least = now, best = c.item;

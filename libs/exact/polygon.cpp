@@ -77,7 +77,18 @@ bool clip_to_back(const PlaneTable& table, PlanePolygon& polygon, PlaneId q) {
     const VertexSides sides(table, polygon, q);
     if (!sides.front) return sides.back;
     if (!sides.back) return false;
-    polygon = part(polygon, sides, -1, q);
+    // As part() does, in place: an edge is read before its place is written but where the cut comes in; that one waits.
+    std::vector<PlaneId>& edges = polygon.edges;
+    const std::size_t n = edges.size();
+    std::size_t kept = 0, cut = 0; // the cut goes before edge `cut` of the kept
+    for (std::size_t i = 0; i < n; ++i) {
+        const int here = sides[i], there = sides[i + 1 == n ? 0 : i + 1];
+        if (here >= 0 && there >= 0) continue;
+        edges[kept++] = edges[i];
+        if (there >= 0) cut = kept;
+    }
+    edges.resize(kept);
+    edges.insert(edges.begin() + static_cast<std::ptrdiff_t>(cut), q);
     return true;
 }
 

@@ -3,6 +3,7 @@
 #include "libs/core/check.h"
 #include "libs/exact/wide.h"
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -160,7 +161,7 @@ Vec3 PlaneTable::point(PlaneId p0, PlaneId p1, PlaneId p2) const {
         const Homogeneous<double> v =
             meet(Plane4<double>{p.a, p.b, p.c, p.d}, {r.a, r.b, r.c, r.d}, {s.a, s.b, s.c, s.d});
         KILN_CHECK(v.w != 0);
-        const double scale = std::ldexp(1.0, -grid_bits);
+        const double scale = std::bit_cast<double>(static_cast<std::uint64_t>(1023 - grid_bits) << 52); // 2^-grid_bits
         return {v.x / v.w * scale + 0.0, v.y / v.w * scale + 0.0, v.z / v.w * scale + 0.0}; // + 0: no -0
     }
     const ExactPlane &a = planes[p0.at()], &b = planes[p1.at()], &c = planes[p2.at()];
