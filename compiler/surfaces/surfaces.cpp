@@ -39,6 +39,7 @@ void add_triangles(Surfaces& s, std::vector<FaceDraft>& drafts, const VertexTabl
                            fmt::format("a face of {} square units got a mesh that does not meet its neighbours", draft.face.area),
                            world.location(draft.face.side));
         }
+        draft.loops = {}; // nobody asks for them any more, and luxels will want the memory
         draft.face.first_triangle = static_cast<std::uint32_t>(s.triangles.size());
         draft.face.triangle_count = static_cast<std::uint32_t>(triangles.size());
         for (const auto& triangle : triangles) {
