@@ -93,7 +93,7 @@ std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
 }
 
 Vec3 Bake::luxel_centroid(const Luxel& l) const {
-    return world_from_luxel(surfaces_, l.face, l.centroid);
+    return world_from_luxel(surfaces_, l.face, centroid_of(surfaces_, l));
 }
 
 Footprint Bake::footprint_of_patch(std::uint32_t p) const {

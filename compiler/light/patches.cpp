@@ -14,11 +14,11 @@ constexpr double kShortestEdge = 1e-3; // luxel units: contact shorter than this
 constexpr double kInset = 1 - 0x1p-9;  // footprint cells shrink to this share of themselves
 
 bool whole(const Surfaces& s, const Luxel& l) {
-    return l.piece_count == 1 && l.area > 1 - 1e-6f && s.pieces[l.first_piece].point_count == 4;
+    return l.piece_count == 1 && l.area > 1 - 1e-6f && points_of(s, s.pieces[l.first_piece]).size() == 4;
 }
 
 // Do two convex polygons share a stretch of edge?
-bool share_edge(std::span<const Vec2> a, std::span<const Vec2> b) {
+bool share_edge(const PiecePoints& a, const PiecePoints& b) {
     for (std::size_t i = 0; i < a.size(); ++i) {
         const Vec2 p = a[i], d = a[(i + 1) % a.size()] - p;
         const double len = std::sqrt(dot(d, d));
@@ -50,7 +50,7 @@ struct UnionFind {
 
 } // namespace
 
-double polygon_area(std::span<const Vec2> p) {
+double polygon_area(const PiecePoints& p) {
     double sum = 0;
     for (std::size_t i = 1; i + 1 < p.size(); ++i) sum += cross(p[i] - p[0], p[i + 1] - p[0]);
     return std::abs(sum) / 2;
@@ -90,7 +90,7 @@ std::uint32_t LuxelIndex::piece_at(FaceId face, Vec3 point) const {
             const LuxelPiece& piece = surfaces_.pieces[luxel.first_piece + k];
             double out = piece.face == face ? 0 : 100; // another face only where this one has nothing near
             double worst = 0;
-            const std::span<const Vec2> v = points_of(surfaces_, piece);
+            const PiecePoints v = points_of(surfaces_, piece);
             for (std::size_t i = 0; i < v.size(); ++i) {
                 const Vec2 a = v[i], e = v[(i + 1) % v.size()] - a;
                 const double len = std::sqrt(dot(e, e));
@@ -239,8 +239,9 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
         for (const std::uint32_t p : list) {
             const LuxelPiece& piece = s.pieces[p];
             Vec2 mid;
-            for (const Vec2 v : points_of(s, piece)) mid = mid + v;
-            mid = mid * (1.0 / piece.point_count);
+            const PiecePoints points = points_of(s, piece);
+            for (const Vec2 v : points) mid = mid + v;
+            mid = mid * (1.0 / static_cast<double>(points.size()));
             moment += world_from_luxel(s, piece.face, mid) * area[p];
             sum += area[p];
             if (area[p] > most) most = area[p], face = piece.face;
@@ -303,7 +304,7 @@ void Footprint::add(Vec3 corner, Vec3 u, Vec3 v, Vec3 normal, bool parallelogram
 }
 
 void Footprint::add_piece(const Surfaces& s, const LuxelPiece& piece) {
-    const std::span<const Vec2> v = points_of(s, piece);
+    const PiecePoints v = points_of(s, piece);
     const auto at = [&](std::size_t i) { return world_from_luxel(s, piece.face, v[i]); };
     const Vec3 n = s.faces[piece.face.at()].normal;
     if (v.size() == 4) {

@@ -8,10 +8,7 @@
 
 namespace kiln {
 
-inline std::span<const Vec2> points_of(const Surfaces& surfaces, const LuxelPiece& piece) {
-    return {surfaces.piece_points.data() + piece.first_point, piece.point_count};
-}
-double polygon_area(std::span<const Vec2> points);
+double polygon_area(const PiecePoints& points);
 
 constexpr std::uint32_t kNoPatch = UINT32_MAX;
 constexpr std::uint32_t kMixedPatch = UINT32_MAX - 1; // a texel whose pieces belong to several patches

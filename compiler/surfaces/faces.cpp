@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fmt/format.h>
 #include <map>
+#include <numeric>
 #include <tuple>
 
 namespace kiln {
@@ -66,7 +67,11 @@ struct Group {
     BrushId brush;
     Contents wet = Contents::empty; // the liquid in front, if one: what is under water is a face of its own
     bool gap = false; // closes an opening too narrow to count
-    Polygons polygons;
+    std::uint32_t first = 0, count = 0; // polygons
+};
+struct Groups {
+    std::vector<Group> groups;
+    Polygons polygons;               // group by group
     std::vector<ClusterId> clusters; // parallel to polygons
 };
 
@@ -91,22 +96,37 @@ BrushId brush_of(const World& world, SideId side) {
     return id<BrushId>(static_cast<std::size_t>(after - world.brushes.begin()) - 1);
 }
 
-std::vector<Group> collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& vertices) {
-    std::vector<Group> groups;
-    std::map<std::tuple<ModelId, SideId, PlaneId, bool, Contents, bool>, std::size_t> index;
+Groups collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& vertices) {
+    Groups out;
+    std::vector<Group>& groups = out.groups;
+    struct Item {
+        const PlanePolygon* polygon;
+        std::uint32_t group;
+        ClusterId cluster;
+    };
+    std::vector<Item> items;
+    items.reserve(bsp.visible.size() + bsp.closed.size());
+    std::map<std::tuple<ModelId, SideId, PlaneId, bool, Contents, bool>, std::uint32_t> index;
     const auto add = [&](ModelId model, SideId side, BrushId brush, Contents behind, const PlanePolygon& polygon, ClusterId cluster,
                          Contents front = Contents::empty, bool gap = false) {
         const Contents wet = liquid(front) ? front : Contents::empty;
-        const auto [it, fresh] = index.try_emplace({model, side, polygon.support, opaque(behind), wet, gap}, groups.size());
-        if (fresh) groups.push_back({side, model, polygon.support, behind, brush, wet, gap, {}, {}});
-        vertices.add(polygon, groups[it->second].polygons);
-        groups[it->second].clusters.push_back(cluster);
+        const auto [it, fresh] = index.try_emplace({model, side, polygon.support, opaque(behind), wet, gap}, static_cast<std::uint32_t>(groups.size()));
+        if (fresh) groups.push_back({side, model, polygon.support, behind, brush, wet, gap});
+        items.push_back({&polygon, it->second, cluster});
+        return it->second;
     };
+    constexpr std::uint32_t kNone = UINT32_MAX;
+    std::vector<std::uint32_t> group_of(csg.fragments.size(), kNone); // that its first part went to
     for (const VisibleFragment& v : bsp.visible) {
+        const ClusterId cluster = v.leaf.valid() ? bsp.leaves[v.leaf.at()].cluster : ClusterId{};
+        if (const std::uint32_t g = group_of[v.fragment]; g != kNone && groups[g].plane == v.polygon.support) {
+            items.push_back({&v.polygon, g, cluster});
+            continue;
+        }
         const Fragment& f = csg.fragments[v.fragment];
         if (f.covered || !fills(f.behind) || opaque(f.front)) continue;
         if (!side_visibility(world, world.sides[f.side.at()], world.brushes[f.brush.at()], f.behind).keep) continue;
-        add(f.model, f.side, f.brush, f.behind, v.polygon, v.leaf.valid() ? bsp.leaves[v.leaf.at()].cluster : ClusterId{}, f.front);
+        group_of[v.fragment] = add(f.model, f.side, f.brush, f.behind, v.polygon, cluster, f.front);
     }
     for (const ClosedGap& g : bsp.closed)
         add({0}, g.side, brush_of(world, g.side), Contents::solid, g.polygon, bsp.leaves[g.leaf.at()].cluster, Contents::empty, true);
@@ -119,8 +139,37 @@ std::vector<Group> collect(const World& world, const Csg& csg, const Bsp& bsp, V
             if (world.materials[world.sides[polytope.sides[i].at()].material.at()].flags & kLightBlocker)
                 add(brush.model, polytope.sides[i], id<BrushId>(b), brush.contents, polytope.faces[i], {});
     }
-    std::ranges::sort(groups, {}, [](const Group& g) { return std::tuple(g.model, g.side, g.plane, g.behind, g.wet, g.gap); });
-    return groups;
+    // Where in the tables each goes: its group's place, within it by the order of items.
+    for (const Item& i : items) ++groups[i.group].count;
+    std::vector<std::uint32_t> order(groups.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::ranges::sort(order, {}, [&](std::uint32_t i) {
+        const Group& g = groups[i];
+        return std::tuple(g.model, g.side, g.plane, g.behind, g.wet, g.gap);
+    });
+    std::uint32_t sum = 0;
+    for (const std::uint32_t g : order) groups[g].first = sum, sum += groups[g].count;
+    std::vector<std::uint32_t> next(groups.size()), place(items.size());
+    for (std::size_t g = 0; g < groups.size(); ++g) next[g] = groups[g].first;
+    out.polygons.first.assign(items.size() + 1, 0);
+    out.clusters.resize(items.size());
+    for (std::size_t i = 0; i < items.size(); ++i) {
+        place[i] = next[items[i].group]++;
+        out.polygons.first[place[i] + 1] = static_cast<std::uint32_t>(items[i].polygon->size());
+        out.clusters[place[i]] = items[i].cluster;
+    }
+    std::partial_sum(out.polygons.first.begin(), out.polygons.first.end(), out.polygons.first.begin());
+    out.polygons.vertices.resize(out.polygons.first.back()), out.polygons.lines.resize(out.polygons.first.back());
+    // In the order of the tree, where neighbours share vertices and cache lines.
+    for (std::size_t i = 0; i < items.size(); ++i) {
+        const std::uint32_t at = out.polygons.first[place[i]];
+        vertices.add(*items[i].polygon, out.polygons.vertices.data() + at, out.polygons.lines.data() + at);
+    }
+    std::vector<Group> sorted;
+    sorted.reserve(groups.size());
+    for (const std::uint32_t g : order) sorted.push_back(groups[g]);
+    groups = std::move(sorted);
+    return out;
 }
 
 } // namespace
@@ -146,9 +195,10 @@ bool tangent_frame(const DocTexture& texture, Vec3 normal, Frame& frame) {
 
 std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,
                                         const SurfacesOptions& options, VertexTable& vertices, Context& context) {
-    const std::vector<Group> groups = collect(world, csg, bsp, vertices);
+    const Groups groups = collect(world, csg, bsp, vertices);
+    RegionMerger merger(vertices);
     std::vector<FaceDraft> drafts;
-    for (const Group& group : groups) {
+    for (const Group& group : groups.groups) {
         context.check_cancelled();
         const WorldSide& side = world.sides[group.side.at()];
         const WorldBrush& brush = world.brushes[group.brush.at()];
@@ -177,27 +227,27 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
                                        world.materials[side.material.at()].name),
                            world.location(group.side));
         bool merged = true;
-        const std::vector<Region> regions = merge_polygons(vertices, group.plane, group.polygons, merged);
+        const PolygonSpan polygons(groups.polygons, group.first, group.count);
+        std::vector<Region> regions = merger.merge(group.plane, polygons, merged);
         if (!merged)
             context.report(Severity::note, "face-not-merged",
-                           fmt::format("{} parts of this face could not be merged and stay separate", group.polygons.size()),
+                           fmt::format("{} parts of this face could not be merged and stay separate", group.count),
                            world.location(group.side));
-        for (const Region& region : regions) {
-            FaceDraft d = draft;
-            d.loops = region.loops;
+        for (Region& region : regions) {
+            FaceDraft& d = drafts.emplace_back(draft);
             Vec3 area;
             for (const Outline& loop : region.loops) area += area_vector(vertices, loop.vertices);
             d.face.area = std::max(0.0, dot(area, d.face.normal));
             for (const VertexId v : region.loops[0].vertices) d.face.bounds.add(vertices.position(v));
             for (const std::uint32_t m : region.members)
-                if (group.clusters[m].valid()) d.face.clusters.push_back(group.clusters[m]);
+                if (const ClusterId c = groups.clusters[group.first + m]; c.valid()) d.face.clusters.push_back(c);
             std::ranges::sort(d.face.clusters);
             d.face.clusters.erase(std::unique(d.face.clusters.begin(), d.face.clusters.end()), d.face.clusters.end());
             if (region.loops.size() == 1 && convex(vertices, region.loops[0].vertices, d.face.normal))
                 d.convex = {region.loops[0].vertices};
             else
-                for (const std::uint32_t m : region.members) d.convex.emplace_back(group.polygons[m].begin(), group.polygons[m].end());
-            drafts.push_back(std::move(d));
+                for (const std::uint32_t m : region.members) d.convex.emplace_back(polygons[m].begin(), polygons[m].end());
+            d.loops = std::move(region.loops);
         }
     }
     return drafts;

@@ -4,7 +4,7 @@
 
 namespace kiln {
 
-// Fills surfaces.luxels, pieces and piece_points.
+// Fills surfaces.luxels, pieces, piece_points and centroids.
 void make_luxels(Surfaces& surfaces, const std::vector<FaceDraft>& drafts, const VertexTable& vertices, Context& context);
 
 } // namespace kiln

@@ -20,17 +20,19 @@ struct Edge {
 
 class Merger {
 public:
-    Merger(const VertexTable& vertices, PlaneId plane, const Polygons& polygons)
-        : vertices_(vertices), plane_(plane), polygons_(polygons), axes_(project_along(vertices.planes(), plane)) {}
+    explicit Merger(const VertexTable& vertices) : vertices_(vertices) {}
 
-    std::optional<std::vector<Region>> run() {
-        root_.resize(polygons_.size());
+    std::optional<std::vector<Region>> run(PlaneId plane, PolygonSpan polygons) {
+        plane_ = plane, axes_ = project_along(vertices_.planes(), plane);
+        count_ = static_cast<std::uint32_t>(polygons.size()), outers_ = 0;
+        root_.resize(count_);
         std::iota(root_.begin(), root_.end(), 0u);
-        edges_.reserve(polygons_.vertices.size());
-        for (std::uint32_t i = 0; i < polygons_.size(); ++i) {
-            const auto loop = polygons_[i];
-            for (std::size_t k = 0; k < loop.size(); ++k)
-                edges_.push_back({loop[k], loop[k + 1 == loop.size() ? 0 : k + 1], polygons_.lines[polygons_.first[i] + k], i});
+        edges_.clear();
+        edges_.reserve(polygons.corners());
+        for (std::uint32_t i = 0; i < count_; ++i) {
+            const auto loop = polygons[i];
+            const auto lines = polygons.lines(i);
+            for (std::size_t k = 0; k < loop.size(); ++k) edges_.push_back({loop[k], loop[k + 1 == loop.size() ? 0 : k + 1], lines[k], i});
         }
         if (!cancel()) return std::nullopt;
         // A vertex inside an edge is the end of an edge that found no other: where polygons fan round it, the fan
@@ -42,10 +44,11 @@ public:
 private:
     const VertexTable& vertices_;
     PlaneId plane_;
-    const Polygons& polygons_;
+    std::uint32_t count_ = 0; // polygons
     Projection axes_;
     std::vector<Edge> edges_; // without an opposite so far
     std::vector<std::uint32_t> root_;
+    std::size_t outers_ = 0;
 
     std::uint32_t find(std::uint32_t x) {
         while (root_[x] != x) x = root_[x] = root_[root_[x]];
@@ -78,20 +81,23 @@ private:
     };
     // Puts every end of an edge that lies strictly inside another one into that. False: there is none.
     bool cut_at_vertices() {
-        std::vector<Corner> along[2]; // by u, by v
-        Loop ends;
+        std::vector<Corner>(&along)[2] = along_;
+        Loop& ends = ends_;
+        ends.clear();
         ends.reserve(edges_.size() * 2);
         for (const Edge& e : edges_) ends.push_back(e.from), ends.push_back(e.to);
         std::ranges::sort(ends);
         ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+        along[0].clear();
         along[0].reserve(ends.size());
         for (const VertexId v : ends) along[0].push_back(corner(v));
         along[1] = along[0];
         for (const std::size_t k : {std::size_t{0}, std::size_t{1}})
             std::ranges::sort(along[k], {}, [k](const Corner& c) { return std::tuple(c.x[k], c.v); });
 
-        std::vector<Edge> cut;
-        std::vector<std::pair<double, VertexId>> on;
+        std::vector<Edge>& cut = cut_;
+        std::vector<std::pair<double, VertexId>>& on = on_;
+        cut.clear();
         cut.reserve(edges_.size());
         bool any = false;
         for (const Edge& e : edges_) {
@@ -123,9 +129,13 @@ private:
             part.to = e.to;
             cut.push_back(part);
         }
-        edges_ = std::move(cut);
+        std::swap(edges_, cut);
         return any;
     }
+    std::vector<Corner> along_[2]; // by u, by v
+    Loop ends_;
+    std::vector<Edge> cut_;
+    std::vector<std::pair<double, VertexId>> on_;
     Corner corner(VertexId v) const {
         const Vec3 p = vertices_.position(v);
         return {{p[axes_.u], p[axes_.v]}, v};
@@ -147,9 +157,10 @@ private:
     }
 
     std::optional<std::vector<Region>> trace() {
-        std::vector<std::uint32_t> region_of(polygons_.size());
+        std::vector<std::uint32_t>& region_of = region_of_;
+        region_of.resize(count_);
         std::vector<Region> regions;
-        for (std::uint32_t i = 0; i < polygons_.size(); ++i) { // ascending: a root comes before its members
+        for (std::uint32_t i = 0; i < count_; ++i) { // ascending: a root comes before its members
             const std::uint32_t root = find(i);
             if (root == i) region_of[i] = static_cast<std::uint32_t>(regions.size()), regions.emplace_back();
             region_of[i] = region_of[root];
@@ -157,7 +168,9 @@ private:
         }
         for (Edge& e : edges_) e.polygon = region_of[e.polygon];
         std::ranges::sort(edges_, {}, [](const Edge& e) { return std::tuple(e.polygon, e.from, e.to); });
-        std::vector<std::uint8_t> used(edges_.size());
+        std::vector<std::uint8_t>& used = used_;
+        used.assign(edges_.size(), 0);
+        Outline& walk = walk_;
         for (std::size_t begin = 0, end; begin < edges_.size(); begin = end) { // the edges of one region
             bool simple = true;
             for (end = begin + 1; end < edges_.size() && edges_[end].polygon == edges_[begin].polygon; ++end)
@@ -166,7 +179,7 @@ private:
             const std::span<const Edge> of(edges_.data() + begin, end - begin);
             for (std::size_t i = 0; i < of.size(); ++i) {
                 if (used[begin + i]) continue;
-                Outline walk;
+                walk.vertices.clear(), walk.lines.clear();
                 std::size_t at = i;
                 for (;;) {
                     used[begin + at] = 1;
@@ -179,12 +192,12 @@ private:
                     at = next;
                 }
                 if (of[at].to != of[i].from) return std::nullopt;
-                if (simple) loops.push_back(std::move(walk));
-                else std::ranges::move(split_at_repeats(walk), std::back_inserter(loops));
+                if (simple) loops.push_back(simplify(vertices_, plane_, walk));
+                else
+                    for (const Outline& loop : split_at_repeats(walk)) loops.push_back(simplify(vertices_, plane_, loop));
             }
             Region& region = regions[edges_[begin].polygon];
             for (Outline& loop : loops) {
-                loop = simplify(vertices_, plane_, loop);
                 if (loop.vertices.size() < 3) return std::nullopt;
                 bool outer = loops.size() == 1;
                 if (!outer) {
@@ -203,15 +216,17 @@ private:
             if (r.loops.empty() || (r.loops.size() > 1 && area(r.loops[0]).first < 0)) return std::nullopt;
         return regions;
     }
-    std::size_t outers_ = 0;
+    std::vector<std::uint32_t> region_of_;
+    std::vector<std::uint8_t> used_;
+    Outline walk_;
 };
 
-std::vector<Region> keep_apart(const Polygons& polygons) {
+std::vector<Region> keep_apart(PolygonSpan polygons) {
     std::vector<Region> regions;
     for (std::uint32_t i = 0; i < polygons.size(); ++i) {
         const auto loop = polygons[i];
         Outline outline{{loop.begin(), loop.end()}, {}};
-        const auto lines = std::span(polygons.lines).subspan(polygons.first[i], loop.size());
+        const auto lines = polygons.lines(i);
         outline.lines.assign(lines.begin(), lines.end());
         const auto smallest = std::ranges::min_element(outline.vertices) - outline.vertices.begin();
         std::ranges::rotate(outline.vertices, outline.vertices.begin() + smallest);
@@ -226,6 +241,7 @@ std::vector<Region> keep_apart(const Polygons& polygons) {
 Outline simplify(const VertexTable& vertices, PlaneId plane, const Outline& loop) {
     const std::size_t n = loop.vertices.size();
     Outline out;
+    out.vertices.reserve(n), out.lines.reserve(n);
     std::size_t smallest = 0;
     for (std::size_t i = 0; i < n; ++i) {
         // Straight where the next vertex is on the line of the edge that came here: a boundary never turns back on itself.
@@ -266,17 +282,28 @@ std::vector<Outline> split_at_repeats(const Outline& walk) {
     return loops;
 }
 
-std::vector<Region> merge_polygons(const VertexTable& vertices, PlaneId plane, const Polygons& polygons, bool& merged) {
+struct RegionMerger::Work {
+    const VertexTable& vertices;
+    Merger merger;
+};
+RegionMerger::RegionMerger(const VertexTable& vertices) : work_(std::make_unique<Work>(Work{vertices, Merger(vertices)})) {}
+RegionMerger::~RegionMerger() = default;
+
+std::vector<Region> RegionMerger::merge(PlaneId plane, PolygonSpan polygons, bool& merged) {
     merged = true;
     if (polygons.size() == 1) return keep_apart(polygons);
-    if (auto regions = merge_by_edges(vertices, plane, polygons)) return *std::move(regions);
-    if (auto regions = merge_by_union(vertices, plane, polygons)) return *std::move(regions);
+    if (auto regions = work_->merger.run(plane, polygons)) return *std::move(regions);
+    if (auto regions = merge_by_union(work_->vertices, plane, polygons)) return *std::move(regions);
     merged = false; // unmerged is correct, only more faces
     return keep_apart(polygons);
 }
 
-std::optional<std::vector<Region>> merge_by_edges(const VertexTable& vertices, PlaneId plane, const Polygons& polygons) {
-    return Merger(vertices, plane, polygons).run();
+std::vector<Region> merge_polygons(const VertexTable& vertices, PlaneId plane, PolygonSpan polygons, bool& merged) {
+    return RegionMerger(vertices).merge(plane, polygons, merged);
+}
+
+std::optional<std::vector<Region>> merge_by_edges(const VertexTable& vertices, PlaneId plane, PolygonSpan polygons) {
+    return Merger(vertices).run(plane, polygons);
 }
 
 } // namespace kiln

@@ -1,6 +1,8 @@
 // Merging convex polygons of one plane into regions with holes, and triangulating those.
 #pragma once
 #include "compiler/surfaces/vertices.h"
+#include <memory>
+#include <optional>
 
 namespace kiln {
 
@@ -13,12 +15,23 @@ struct Region {
 
 // Convex, counter-clockwise polygons of one plane that overlap nowhere, merged. The regions are ordered by their
 // first member. `merged` becomes false where nothing could merge them and every polygon stays a region of its own.
-std::vector<Region> merge_polygons(const VertexTable& vertices, PlaneId plane, const Polygons& polygons, bool& merged);
+std::vector<Region> merge_polygons(const VertexTable& vertices, PlaneId plane, PolygonSpan polygons, bool& merged);
+// The same for many groups one after another, which share their scratch memory.
+class RegionMerger {
+public:
+    explicit RegionMerger(const VertexTable& vertices);
+    ~RegionMerger();
+    std::vector<Region> merge(PlaneId plane, PolygonSpan polygons, bool& merged);
+
+private:
+    struct Work;
+    std::unique_ptr<Work> work_;
+};
 
 // The two ways behind merge_polygons; nothing: refused. Edge against opposite edge first; it refuses what overlaps and
 // what rounded areas cannot tell. Then the Boolean set operations of CGAL on rational numbers.
-std::optional<std::vector<Region>> merge_by_edges(const VertexTable& vertices, PlaneId plane, const Polygons& polygons);
-std::optional<std::vector<Region>> merge_by_union(const VertexTable& vertices, PlaneId plane, const Polygons& polygons);
+std::optional<std::vector<Region>> merge_by_edges(const VertexTable& vertices, PlaneId plane, PolygonSpan polygons);
+std::optional<std::vector<Region>> merge_by_union(const VertexTable& vertices, PlaneId plane, PolygonSpan polygons);
 
 // A closed walk that passes some vertices several times, as simple loops.
 std::vector<Outline> split_at_repeats(const Outline& walk);

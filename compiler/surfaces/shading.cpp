@@ -7,10 +7,6 @@
 namespace kiln {
 namespace {
 
-bool may_smooth(const FaceDraft& d) {
-    return d.face.curved() || (d.face.drawn && (d.smoothing_groups != 0 || d.phong_angle_deg > 0));
-}
-
 // Displacements that meet are one terrain, whatever the angle. Patches may be meant to have an edge where they meet.
 bool curves_smooth_together(const Surfaces& s, const Face& f, const Face& g) {
     if (!f.curved() || !g.curved()) return false;
@@ -68,6 +64,10 @@ double angle_at(const Surfaces& s, std::uint32_t t, std::uint32_t vertex) {
 }
 
 } // namespace
+
+bool may_smooth(const FaceDraft& d) {
+    return d.face.curved() || (d.face.drawn && (d.smoothing_groups != 0 || d.phong_angle_deg > 0));
+}
 
 void shade_corners(Surfaces& s, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency) {
     s.corner_normals.resize(s.triangles.size());

@@ -5,6 +5,9 @@
 
 namespace kiln {
 
+// May corners of the face be smoothed? For these shade_corners needs fans.
+bool may_smooth(const FaceDraft& draft);
+
 // Fills surfaces.corner_normals. `drafts` is parallel to surfaces.faces.
 void shade_corners(Surfaces& surfaces, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency);
 

@@ -7,6 +7,7 @@
 #include "compiler/surfaces/shading.h"
 #include "compiler/surfaces/tjunctions.h"
 #include "libs/core/check.h"
+#include <algorithm>
 #include <fmt/format.h>
 
 namespace kiln {
@@ -38,6 +39,7 @@ void add_triangles(Surfaces& s, std::vector<FaceDraft>& drafts, const VertexTabl
                            fmt::format("a face of {} square units got a mesh that does not meet its neighbours", draft.face.area),
                            world.location(draft.face.side));
         }
+        draft.loops = {}; // nobody asks for them any more, and luxels will want the memory
         draft.face.first_triangle = static_cast<std::uint32_t>(s.triangles.size());
         draft.face.triangle_count = static_cast<std::uint32_t>(triangles.size());
         for (const auto& triangle : triangles) {
@@ -75,7 +77,9 @@ Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& b
     add_touching(grids);
     std::vector<Chart> curve_charts = add_curve_faces(s, drafts, grids, world, csg, bsp, context);
     context.say("surfaces", 0.6);
-    const Adjacency adjacency = find_adjacency(s);
+    std::vector<bool> smooth(drafts.size());
+    for (std::size_t f = 0; f < drafts.size(); ++f) smooth[f] = may_smooth(drafts[f]);
+    const Adjacency adjacency = find_adjacency(s, smooth);
     shade_corners(s, drafts, adjacency);
     const std::uint64_t texels = make_charts(s, drafts, std::move(curve_charts), adjacency, world, context);
     if (const std::uint64_t most = std::min<std::uint64_t>(options.most_texels, UINT32_MAX); texels > most)

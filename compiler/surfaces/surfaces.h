@@ -96,13 +96,43 @@ struct Luxel {
     std::uint16_t x = 0, y = 0;
     FaceId face;                    // that owns most of it
     float area = 0;                 // of the footprint, luxel units squared (1: whole)
-    Vec2 centroid;                  // of the footprint, luxel coordinates
-    std::uint32_t first_piece = 0, piece_count = 0; // a whole texel of one face: one piece of four points, the square
+    std::uint32_t first_piece = 0, piece_count = 0;
+    std::uint32_t centroid = UINT32_MAX; // of the footprint, in Surfaces::centroids; none: the middle of the square
 };
-struct LuxelPiece {                 // convex, counter-clockwise (seen from the front), luxel coordinates
+// Convex, counter-clockwise (seen from the front), luxel coordinates: points_of. Nearly all are whole squares, which
+// have no points of their own: there point_count is 0, and first_point is x + 65536 y. Of a rectangle along the lattice
+// the first point and the one across are kept: there point_count is 2.
+struct LuxelPiece {
     static constexpr bool kRawBytes = true;
     FaceId face;
     std::uint32_t first_point = 0, point_count = 0; // in Surfaces::piece_points
+    bool square() const { return point_count == 0; }
+};
+inline LuxelPiece square_piece(FaceId face, std::uint32_t x, std::uint32_t y) { return {face, x | y << 16, 0}; }
+// The points of a piece; as long as the table they are in stands.
+class PiecePoints {
+public:
+    PiecePoints(const LuxelPiece& piece, const std::vector<Vec2>& points) {
+        if (piece.square()) {
+            const double x = piece.first_point & 0xFFFF, y = piece.first_point >> 16;
+            own_ = {{{x, y}, {x + 1, y}, {x + 1, y + 1}, {x, y + 1}}};
+        } else if (piece.point_count == 2) {
+            const Vec2 p = points[piece.first_point], q = points[piece.first_point + 1];
+            const bool x_first = (p.x < q.x) == (p.y < q.y); // counter-clockwise
+            own_ = {{p, x_first ? Vec2{q.x, p.y} : Vec2{p.x, q.y}, q, x_first ? Vec2{p.x, q.y} : Vec2{q.x, p.y}}};
+        } else {
+            points_ = points.data() + piece.first_point, size_ = piece.point_count;
+        }
+    }
+    const Vec2* begin() const { return points_ ? points_ : own_.data(); }
+    const Vec2* end() const { return begin() + size_; }
+    std::size_t size() const { return size_; }
+    const Vec2& operator[](std::size_t i) const { return begin()[i]; }
+
+private:
+    std::array<Vec2, 4> own_;
+    const Vec2* points_ = nullptr;
+    std::size_t size_ = 4;
 };
 
 // A common edge of two charts across which light should look continuous: they lie in one plane, or the shading
@@ -136,6 +166,7 @@ struct Surfaces {
     std::vector<Luxel> luxels;                               // sorted by (chart, y, x)
     std::vector<LuxelPiece> pieces;                          // grouped by luxel
     std::vector<Vec2> piece_points;                          // grouped by piece
+    std::vector<Vec2> centroids;                             // luxel coordinates, in the order of luxels that have one
     std::vector<Seam> seams;                                 // sorted
     std::uint32_t texel_count = 0;                           // sum of width*height
     std::vector<Curve> curves;                               // displacements, then patches
@@ -146,12 +177,15 @@ struct Surfaces {
     std::vector<OverlayPoint> overlay_points;                // grouped by fragment
     // Blockers that no face shows (light_blocker brushes), as extra faces with drawn = false, are in the same tables.
     template <class A> void fields(A& a) {
-        a(positions, triangles, triangle_face, corner_normals, faces, charts, luxels, pieces, piece_points, seams,
-          texel_count, curves, first_curved_face, luxel_maps, curve_corners, overlay_fragments, overlay_points);
+        a(positions, triangles, triangle_face, corner_normals, faces, charts, luxels, pieces, piece_points, centroids,
+          seams, texel_count, curves, first_curved_face, luxel_maps, curve_corners, overlay_fragments, overlay_points);
     }
 
     const LuxelMap& luxel_map(FaceId curved_face) const { return luxel_maps[curved_face.value - first_curved_face]; }
 };
+
+inline PiecePoints points_of(const Surfaces& s, const LuxelPiece& piece) { return {piece, s.piece_points}; }
+inline Vec2 centroid_of(const Surfaces& s, const Luxel& l) { return l.centroid == UINT32_MAX ? Vec2{l.x + 0.5, l.y + 0.5} : s.centroids[l.centroid]; }
 
 // From the world to luxel coordinates and back, on the plane of a face with a chart.
 inline Vec2 luxel_from_world(const Surfaces& s, FaceId face, Vec3 point) {

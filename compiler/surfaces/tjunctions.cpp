@@ -12,54 +12,58 @@ constexpr double kNear = 1e-5; // map units
 
 using Corners = CornerCells<VertexId>;
 
-// Vertices strictly on the segment, from a to b, both on the two planes.
-std::vector<VertexId> on_segment(const VertexTable& vertices, const Corners& corners, VertexId a, VertexId b, PlaneId p, PlaneId q) {
+struct Found {
+    std::size_t edge; // of the loop
+    VertexId v;
+};
+
+// Vertices strictly on edge `edge` from a to b, both on the two planes, in the order from a.
+void find_on_edge(const VertexTable& vertices, const Corners& corners, std::size_t edge, VertexId a, VertexId b, PlaneId p, PlaneId q, std::vector<Found>& found) {
     const Vec3 pa = vertices.position(a), pb = vertices.position(b), d = pb - pa;
     const double dd = dot(d, d);
-    struct Found {
-        double t;
-        VertexId v;
-    };
-    std::vector<Found> found;
-    corners.along(pa, pb, kNear, [&](VertexId v) {
+    const std::size_t before = found.size();
+    corners.along(pa, pb, kNear, [&](VertexId v, Vec3 position) {
         if (v == a || v == b) return;
-        const Vec3 at = vertices.position(v) - pa;
+        const Vec3 at = position - pa;
         const double t = dd > 0 ? dot(at, d) / dd : 0;
         const Vec3 off = at - d * t;
         if (t < -kNear || t > 1 + kNear || dot(off, off) > kNear * kNear) return;
-        if (vertices.between(a, b, v, p, q)) found.push_back({t, v});
+        if (vertices.between(a, b, v, p, q)) found.push_back({edge, v});
     });
-    std::ranges::sort(found, [&](const Found& x, const Found& y) { return x.v != y.v && vertices.within(a, y.v, x.v); });
-    std::vector<VertexId> out;
-    for (const Found& f : found)
-        if (out.empty() || out.back() != f.v) out.push_back(f.v);
-    return out;
+    std::sort(found.begin() + static_cast<std::ptrdiff_t>(before), found.end(),
+              [&](const Found& x, const Found& y) { return x.v != y.v && vertices.within(a, y.v, x.v); });
 }
 
 } // namespace
 
 void insert_tjunctions(const VertexTable& vertices, std::span<const FaceOutlines> faces, Context& context) {
-    Corners corners;
+    std::vector<bool> met(vertices.size(), false);
     std::vector<VertexId> unique;
     for (const FaceOutlines& face : faces)
-        for (const Outline& loop : *face.loops) unique.insert(unique.end(), loop.vertices.begin(), loop.vertices.end());
-    std::ranges::sort(unique);
-    unique.erase(std::unique(unique.begin(), unique.end()), unique.end());
-    for (const VertexId v : unique) corners.add(v, vertices.position(v));
+        for (const Outline& loop : *face.loops)
+            for (const VertexId v : loop.vertices)
+                if (!met[v.at()]) met[v.at()] = true, unique.push_back(v);
+    const Corners corners(unique, [&](VertexId v) { return vertices.position(v); });
 
-    parallel_for(context, faces.size(), [&](std::size_t f) {
-        for (Outline& loop : *faces[f].loops) {
-            const std::size_t n = loop.vertices.size();
-            Outline out;
-            for (std::size_t k = 0; k < n; ++k) {
-                const VertexId a = loop.vertices[k], b = loop.vertices[k + 1 == n ? 0 : k + 1];
-                const std::vector<VertexId> on = on_segment(vertices, corners, a, b, faces[f].plane, loop.lines[k]);
-                out.vertices.push_back(a);
-                out.vertices.insert(out.vertices.end(), on.begin(), on.end());
-                out.lines.insert(out.lines.end(), on.size() + 1, loop.lines[k]);
+    constexpr std::size_t kChunk = 64; // faces that share their scratch
+    parallel_for(context, (faces.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+        std::vector<Found> found;
+        for (std::size_t f = chunk * kChunk; f < std::min(faces.size(), (chunk + 1) * kChunk); ++f)
+            for (Outline& loop : *faces[f].loops) {
+                const std::size_t n = loop.vertices.size();
+                found.clear();
+                for (std::size_t k = 0; k < n; ++k)
+                    find_on_edge(vertices, corners, k, loop.vertices[k], loop.vertices[k + 1 == n ? 0 : k + 1], faces[f].plane, loop.lines[k], found);
+                if (found.empty()) continue;
+                // From the last to the first: each goes to its final place.
+                loop.vertices.resize(n + found.size()), loop.lines.resize(n + found.size());
+                std::size_t to = loop.vertices.size(), next = found.size();
+                for (std::size_t k = n; k-- > 0;) {
+                    const PlaneId line = loop.lines[k];
+                    for (; next > 0 && found[next - 1].edge == k; --next) --to, loop.vertices[to] = found[next - 1].v, loop.lines[to] = line;
+                    --to, loop.vertices[to] = loop.vertices[k], loop.lines[to] = line;
+                }
             }
-            loop = std::move(out);
-        }
     });
 }
 

@@ -26,13 +26,12 @@ void add_touching(CurveGrids& grids) {
     for (std::uint32_t i = 0; i < grids.grids.size(); ++i) groups[{grids.grids[i].model.value, grids.grids[i].kind}].push_back(i);
     for (const auto& [key, members] : groups) {
         if (members.size() < 2) continue;
-        CornerCells<std::uint32_t> cells;
         std::vector<std::uint32_t> on_borders;
         for (const std::uint32_t i : members)
             for (const std::uint32_t place : border_of(grids.grids[i])) on_borders.push_back(grids.grids[i].vertices[place]);
         std::ranges::sort(on_borders);
         on_borders.erase(std::unique(on_borders.begin(), on_borders.end()), on_borders.end());
-        for (const std::uint32_t v : on_borders) cells.add(v, grids.positions[v]);
+        const CornerCells<std::uint32_t> cells(on_borders, [&](std::uint32_t v) { return grids.positions[v]; });
         for (const std::uint32_t i : members) {
             CurveGrid& g = grids.grids[i];
             const std::vector<std::uint32_t> places = border_of(g);
@@ -44,10 +43,10 @@ void add_touching(CurveGrids& grids) {
                 const double reach = length(d);
                 if (!(reach > 2 * kTouch)) continue;
                 std::vector<CurveGrid::Guest> found;
-                cells.along(a, a + d, kTouch, [&](std::uint32_t v) {
-                    const double along = dot(grids.positions[v] - a, d) / reach;
+                cells.along(a, a + d, kTouch, [&](std::uint32_t v, Vec3 p) {
+                    const double along = dot(p - a, d) / reach;
                     if (along < kTouch || along > reach - kTouch || std::ranges::binary_search(own, v)) return;
-                    if (length(grids.positions[v] - a - d * (along / reach)) <= kTouch) found.push_back({along / reach, v});
+                    if (length(p - a - d * (along / reach)) <= kTouch) found.push_back({along / reach, v});
                 });
                 if (found.empty()) continue;
                 std::vector<CurveGrid::Guest>& guests = g.guests[{from, to}];

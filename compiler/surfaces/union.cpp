@@ -47,13 +47,13 @@ struct Ring {
 };
 
 // A plane through an edge of the union: that of some polygon's edge along it.
-PlaneId line_through(const VertexTable& vertices, PlaneId plane, const Polygons& polygons, VertexId a, VertexId b) {
-    for (const PlaneId line : polygons.lines)
+PlaneId line_through(const VertexTable& vertices, PlaneId plane, PolygonSpan polygons, VertexId a, VertexId b) {
+    for (const PlaneId line : polygons.lines())
         if (vertices.on_line(a, plane, line) && vertices.on_line(b, plane, line)) return line;
     throw std::runtime_error("union made an edge");
 }
 
-std::vector<Region> merge(const VertexTable& vertices, PlaneId plane, const Polygons& polygons) {
+std::vector<Region> merge(const VertexTable& vertices, PlaneId plane, PolygonSpan polygons) {
     const Projection axes = project_along(vertices.planes(), plane);
     std::map<VertexId, Exact::Point_2> points;
     std::map<Exact::Point_2, VertexId, LessPoint> ids;
@@ -126,7 +126,7 @@ std::vector<Region> merge(const VertexTable& vertices, PlaneId plane, const Poly
 
 } // namespace
 
-std::optional<std::vector<Region>> merge_by_union(const VertexTable& vertices, PlaneId plane, const Polygons& polygons) {
+std::optional<std::vector<Region>> merge_by_union(const VertexTable& vertices, PlaneId plane, PolygonSpan polygons) {
     try {
         return merge(vertices, plane, polygons);
     } catch (const std::exception&) { // the library's refusal, or one of the above

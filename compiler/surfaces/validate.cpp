@@ -96,7 +96,7 @@ private:
     bool check_luxels() {
         Check &luxels = checker_.add("luxels"), &cover = checker_.add("luxel-cover");
         std::vector<double> covered(s.charts.size(), 0.0);
-        std::uint64_t next_piece = 0, next_point = 0;
+        std::uint64_t next_piece = 0, next_point = 0, next_centroid = 0;
         for (std::size_t i = 0; i < s.luxels.size(); ++i) {
             const Luxel& l = s.luxels[i];
             const auto tell = [&](const char* what) {
@@ -111,27 +111,30 @@ private:
             luxels.expect(l.x >= 1 && l.y >= 1 && l.x < chart.width - 1 && l.y < chart.height - 1, tell("it lies in the gutter"));
             luxels.expect(l.area > 0 && l.area < 1 + 1e-5f && l.piece_count > 0, tell("its footprint has no area, or more than a texel"));
             constexpr double kSlack = 1e-6;
-            luxels.expect(l.centroid.x > l.x - kSlack && l.centroid.x < l.x + 1 + kSlack && l.centroid.y > l.y - kSlack && l.centroid.y < l.y + 1 + kSlack, tell("its centroid lies outside its square"));
+            if (l.centroid != UINT32_MAX && !luxels.expect(l.centroid == next_centroid++ && l.centroid < s.centroids.size(), tell("its centroid does not follow that of a luxel before"))) return false;
+            const Vec2 centroid = centroid_of(s, l);
+            luxels.expect(centroid.x > l.x - kSlack && centroid.x < l.x + 1 + kSlack && centroid.y > l.y - kSlack && centroid.y < l.y + 1 + kSlack, tell("its centroid lies outside its square"));
             if (!luxels.expect(l.first_piece == next_piece && next_piece + l.piece_count <= s.pieces.size(), tell("its pieces do not follow those of the luxel before"))) return false;
             next_piece += l.piece_count;
             double area = 0;
             for (std::uint64_t p = l.first_piece; p < next_piece; ++p) {
                 const LuxelPiece& piece = s.pieces[p];
                 luxels.expect(piece.face.at() < s.faces.size() && s.faces[piece.face.at()].chart == l.chart, tell("a piece is of a face of another chart"));
-                if (!luxels.expect(piece.first_point == next_point && piece.point_count >= 3 && next_point + piece.point_count <= s.piece_points.size(), tell("the points of a piece do not follow those of the piece before")))
+                if (!piece.square() &&
+                    !luxels.expect(piece.first_point == next_point && piece.point_count >= 2 && next_point + piece.point_count <= s.piece_points.size(), tell("the points of a piece do not follow those of the piece before")))
                     return false;
                 next_point += piece.point_count;
-                const Vec2* q = &s.piece_points[piece.first_point];
+                const PiecePoints q = points_of(s, piece);
                 bool within = true;
-                for (std::uint32_t k = 0; k < piece.point_count; ++k)
+                for (std::size_t k = 0; k < q.size(); ++k)
                     within = within && q[k].x > l.x - kSlack && q[k].x < l.x + 1 + kSlack && q[k].y > l.y - kSlack && q[k].y < l.y + 1 + kSlack;
                 luxels.expect(within, tell("a piece reaches out of its square"));
-                for (std::uint32_t k = 1; k + 1 < piece.point_count; ++k) area += 0.5 * cross(q[k] - q[0], q[k + 1] - q[0]);
+                for (std::size_t k = 1; k + 1 < q.size(); ++k) area += 0.5 * cross(q[k] - q[0], q[k + 1] - q[0]);
             }
             luxels.expect(std::abs(area - l.area) < 1e-6, tell("its pieces do not add up to its area"));
             covered[l.chart.at()] += l.area;
         }
-        luxels.expect(next_piece == s.pieces.size() && next_point == s.piece_points.size(), [&] { return Finding{side({}), "some pieces belong to no luxel"}; });
+        luxels.expect(next_piece == s.pieces.size() && next_point == s.piece_points.size() && next_centroid == s.centroids.size(), [&] { return Finding{side({}), "some pieces or centroids belong to no luxel"}; });
         for (std::size_t c = 0; c < s.charts.size(); ++c) {
             const Chart& chart = s.charts[c];
             if (chart.curved()) continue; // check_curves
@@ -173,9 +176,8 @@ private:
         for (const LuxelPiece& piece : s.pieces) {
             if (!s.faces[piece.face.at()].curved()) continue;
             double area = 0;
-            const Vec2 p0 = s.piece_points[piece.first_point];
-            for (std::uint32_t k = 1; k + 1 < piece.point_count; ++k)
-                area += 0.5 * cross(s.piece_points[piece.first_point + k] - p0, s.piece_points[piece.first_point + k + 1] - p0);
+            const PiecePoints p = points_of(s, piece);
+            for (std::size_t k = 1; k + 1 < p.size(); ++k) area += 0.5 * cross(p[k] - p[0], p[k + 1] - p[0]);
             covered[piece.face.at()] += area * luxel_area(s, piece.face);
         }
         for (std::size_t c = 0; c < s.curves.size(); ++c) {

@@ -35,34 +35,33 @@ Projection project_along(const PlaneTable& planes, PlaneId plane) {
     return r;
 }
 
+VertexTable::VertexTable(const PlaneTable& planes) : planes_(planes), scale_(std::ldexp(1.0, planes.grid_bits + kFineBits)) {}
+
 bool VertexTable::is_dyadic(const PlaneTriple& t, Vec3 p) const {
-    std::array<std::int64_t, 3> s{};
-    const double scale = std::ldexp(1.0, planes_.grid_bits + kFineBits);
     for (std::size_t i = 0; i < 3; ++i) {
-        const double x = p[i] * scale;
+        const double x = p[i] * scale_;
         if (!(std::abs(x) <= static_cast<double>(std::int64_t{1} << kScaledBits)) || x != std::floor(x)) return false;
-        s[i] = static_cast<std::int64_t>(x);
     }
-    for (const PlaneId q : t) {
-        const ExactPlane& e = planes_.planes[q.at()];
-        const __int128 at = static_cast<__int128>(e.a) * s[0] + static_cast<__int128>(e.b) * s[1] + static_cast<__int128>(e.c) * s[2];
-        if (at != e.d * (__int128{1} << kFineBits)) return false;
-    }
-    return true;
+    return std::ranges::all_of(t, [&, s = scaled(p)](PlaneId q) { return meets(s, q); });
 }
-std::array<std::int64_t, 3> VertexTable::scaled(VertexId v) const {
-    const double scale = std::ldexp(1.0, planes_.grid_bits + kFineBits);
-    const Vec3 p = positions_[v.at()];
-    return {static_cast<std::int64_t>(p.x * scale), static_cast<std::int64_t>(p.y * scale), static_cast<std::int64_t>(p.z * scale)};
+std::array<std::int64_t, 3> VertexTable::scaled(Vec3 p) const {
+    return {static_cast<std::int64_t>(p.x * scale_), static_cast<std::int64_t>(p.y * scale_), static_cast<std::int64_t>(p.z * scale_)};
+}
+bool VertexTable::meets(const std::array<std::int64_t, 3>& s, PlaneId q) const { // |.| < 2^109
+    const ExactPlane& e = planes_.planes[q.at()];
+    const __int128 at = static_cast<__int128>(e.a) * s[0] + static_cast<__int128>(e.b) * s[1] + static_cast<__int128>(e.c) * s[2];
+    return at == e.d * (__int128{1} << kFineBits);
 }
 
 void VertexTable::grow_triples() {
-    by_triple_.assign(std::max<std::size_t>(64, by_triple_.size() * 2), kFree);
+    const std::vector<Known> old = std::move(by_triple_);
+    by_triple_.assign(std::max<std::size_t>(64, old.size() * 2), {});
     const std::size_t mask = by_triple_.size() - 1;
-    for (std::uint32_t i = 0; i < known_.size(); ++i) {
-        std::size_t slot = hash_of(known_[i].triple) & mask;
-        while (by_triple_[slot] != kFree) slot = (slot + 1) & mask;
-        by_triple_[slot] = i;
+    for (const Known& k : old) {
+        if (!k.vertex.valid()) continue;
+        std::size_t slot = hash_of(k.triple) & mask;
+        while (by_triple_[slot].vertex.valid()) slot = (slot + 1) & mask;
+        by_triple_[slot] = k;
     }
 }
 void VertexTable::grow_positions() {
@@ -77,13 +76,14 @@ void VertexTable::grow_positions() {
 
 VertexId VertexTable::add(PlaneId p0, PlaneId p1, PlaneId p2) {
     PlaneTriple triple{PlaneId{p0.value & ~1u}, PlaneId{p1.value & ~1u}, PlaneId{p2.value & ~1u}}; // a point has no facing
-    std::ranges::sort(triple);
-    if (known_.size() * 2 >= by_triple_.size()) grow_triples();
+    if (triple[1] < triple[0]) std::swap(triple[0], triple[1]);
+    if (triple[2] < triple[1]) std::swap(triple[1], triple[2]);
+    if (triple[1] < triple[0]) std::swap(triple[0], triple[1]);
+    if (known_ * 2 >= by_triple_.size()) grow_triples();
     const std::size_t mask = by_triple_.size() - 1;
     std::size_t slot = hash_of(triple) & mask;
-    for (; by_triple_[slot] != kFree; slot = (slot + 1) & mask)
-        if (const Known& k = known_[by_triple_[slot]]; k.triple == triple) return k.vertex;
-    by_triple_[slot] = static_cast<std::uint32_t>(known_.size());
+    for (; by_triple_[slot].vertex.valid(); slot = (slot + 1) & mask)
+        if (by_triple_[slot].triple == triple) return by_triple_[slot].vertex;
 
     // Positions are correctly rounded: equal points have equal ones, whatever planes they come from.
     const Vec3 p = planes_.point(triple[0], triple[1], triple[2]) + Vec3{}; // no -0: it hashes otherwise
@@ -103,18 +103,24 @@ VertexId VertexTable::add(PlaneId p0, PlaneId p1, PlaneId p2) {
         dyadic_.push_back(is_dyadic(triple, p) ? 1 : 0);
         for (const double x : {p.x, p.y, p.z}) extent_ = std::max(extent_, std::abs(x));
     }
-    known_.push_back({triple, v});
+    by_triple_[slot] = {triple, v};
+    ++known_;
     return v;
 }
 
 void VertexTable::add(const PlanePolygon& polygon, Polygons& to) {
+    const std::size_t from = to.vertices.size();
+    to.vertices.resize(from + polygon.size()), to.lines.resize(from + polygon.size());
+    add(polygon, to.vertices.data() + from, to.lines.data() + from);
+    to.first.push_back(static_cast<std::uint32_t>(to.vertices.size()));
+}
+
+void VertexTable::add(const PlanePolygon& polygon, VertexId* vertices, PlaneId* lines) {
     PlaneId before = polygon.edges.back();
     for (const PlaneId after : polygon.edges) { // strictly convex: no vertex comes twice
-        to.vertices.push_back(add(polygon.support, before, after));
-        to.lines.push_back(after);
-        before = after;
+        *vertices++ = add(polygon.support, before, after);
+        *lines++ = before = after;
     }
-    to.first.push_back(static_cast<std::uint32_t>(to.vertices.size()));
 }
 
 int VertexTable::compare(VertexId a, VertexId b, std::size_t axis) const {
@@ -134,7 +140,7 @@ int VertexTable::turn(VertexId a, VertexId b, VertexId c, Projection axes) const
     if (std::abs(value) > bound) return value > 0 ? 1 : -1;
     if (a == b || b == c || a == c) return 0;
     if (dyadic_[a.at()] && dyadic_[b.at()] && dyadic_[c.at()]) {
-        const auto sa = scaled(a), sb = scaled(b), sc = scaled(c);
+        const auto sa = scaled(pa), sb = scaled(pb), sc = scaled(pc);
         const __int128 s = static_cast<__int128>(sb[axes.u] - sa[axes.u]) * (sc[axes.v] - sa[axes.v]) -
                            static_cast<__int128>(sb[axes.v] - sa[axes.v]) * (sc[axes.u] - sa[axes.u]);
         return s > 0 ? 1 : s < 0 ? -1 : 0;

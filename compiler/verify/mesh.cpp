@@ -218,7 +218,8 @@ private:
             const Chart& c = s.charts[l.chart.at()];
             const LuxelPiece& piece = s.pieces[l.first_piece];
             Vec2 middle;
-            for (std::uint32_t k = 0; k < piece.point_count; ++k) middle = middle + s.piece_points[piece.first_point + k] * (1.0 / piece.point_count);
+            const PiecePoints points = points_of(s, piece);
+            for (const Vec2 v : points) middle = middle + v * (1.0 / static_cast<double>(points.size()));
             const Vec3 p = world_from_luxel(s, piece.face, middle);
             const Face& f = s.faces[piece.face.at()];
             bool found = false;

@@ -189,7 +189,8 @@ private:
                     ++l.piece_count;
                 }
                 if (!l.piece_count) continue;
-                l.area = static_cast<float>(area), l.centroid = moment * (1 / area);
+                l.area = static_cast<float>(area), l.centroid = static_cast<std::uint32_t>(surfaces.centroids.size());
+                surfaces.centroids.push_back(moment * (1 / area));
                 surfaces.luxels.push_back(l);
             }
         surfaces.charts.push_back(c);

@@ -141,7 +141,7 @@ Rows dump_triangles(const Compiled& c) {
 Rows dump_luxels(const Compiled& c) {
     Rows rows;
     for (const Luxel& l : c.surfaces.luxels)
-        rows.push_back({{"chart", to_json(l.chart)}, {"at", {l.x, l.y}}, {"face", to_json(l.face)}, {"area", l.area}, {"centroid", to_json(l.centroid)}, {"pieces", l.piece_count}});
+        rows.push_back({{"chart", to_json(l.chart)}, {"at", {l.x, l.y}}, {"face", to_json(l.face)}, {"area", l.area}, {"centroid", to_json(centroid_of(c.surfaces, l))}, {"pieces", l.piece_count}});
     return rows;
 }
 Rows dump_seams(const Compiled& c) {

@@ -80,7 +80,7 @@ TEST(CurvedLight, ASlopeGetsTheCosineOfItsOwnNormal) {
         const Chart& c = baked.surfaces.charts[l.chart.at()];
         const std::size_t t = c.first_texel + l.y * c.width + l.x;
         if (!c.curved() || baked.lighting.valid[t] != 1 || l.area < 0.999f) continue;
-        const Vec3 p = world_from_luxel(baked.surfaces, l.face, l.centroid), d = lamp.position - p;
+        const Vec3 p = world_from_luxel(baked.surfaces, l.face, centroid_of(baked.surfaces, l)), d = lamp.position - p;
         const Vec3 n = baked.surfaces.faces[l.face.at()].normal;
         const double wanted = lamp.attenuation(length(d)) * 1000 * dot(normalize(d), n);
         EXPECT_NEAR(baked.lighting.flat[t].x, wanted, 0.02 * wanted + 1e-9);
@@ -102,7 +102,7 @@ TEST(CurvedLight, ARidgeBlocksLight) {
         const Chart& c = baked.surfaces.charts[l.chart.at()];
         const std::size_t t = c.first_texel + l.y * c.width + l.x;
         if (!c.curved() || baked.lighting.valid[t] != 1) continue;
-        const Vec3 p = world_from_luxel(baked.surfaces, l.face, l.centroid);
+        const Vec3 p = world_from_luxel(baked.surfaces, l.face, centroid_of(baked.surfaces, l));
         if (p.z > 1) continue;
         if (p.x > 150) {
             ++dark;

@@ -46,7 +46,8 @@ std::size_t texel_of(const Surfaces& s, const Luxel& l) {
 }
 Vec3 center_of(const Surfaces& s, const Luxel& l) {
     const Chart& c = s.charts[l.chart.at()];
-    return c.origin + (c.s * l.centroid.x + c.t * l.centroid.y) * c.luxel_size;
+    const Vec2 at = centroid_of(s, l);
+    return c.origin + (c.s * at.x + c.t * at.y) * c.luxel_size;
 }
 
 } // namespace

@@ -34,8 +34,8 @@ double seen_area(const Surfaces& s) { // of curves, map units squared
     for (const LuxelPiece& p : s.pieces) {
         if (!s.faces[p.face.at()].curved()) continue;
         double area = 0;
-        const Vec2* v = &s.piece_points[p.first_point];
-        for (std::uint32_t i = 1; i + 1 < p.point_count; ++i) area += cross(v[i] - v[0], v[i + 1] - v[0]) / 2;
+        const PiecePoints v = points_of(s, p);
+        for (std::size_t i = 1; i + 1 < v.size(); ++i) area += cross(v[i] - v[0], v[i + 1] - v[0]) / 2;
         sum += area * luxel_area(s, p.face);
     }
     return sum;

@@ -30,7 +30,7 @@ TEST(Surfaces, CubeRoomIsSixSquares) {
     for (const Luxel& l : s.luxels) {
         EXPECT_EQ(l.area, 1.0f);
         EXPECT_EQ(l.piece_count, 1u);
-        EXPECT_EQ(s.pieces[l.first_piece].point_count, 4u);
+        EXPECT_EQ(points_of(s, s.pieces[l.first_piece]).size(), 4u);
     }
     EXPECT_EQ(unmatched_hull_edges(s), 0u);
 }

@@ -274,8 +274,9 @@ const Mutation kMutations[] = {
          for (std::uint32_t p = l.first_piece; p < l.first_piece + l.piece_count; ++p) n += m.surfaces.pieces[p].point_count;
          m.surfaces.piece_points.resize(m.surfaces.piece_points.size() - n);
          m.surfaces.pieces.resize(m.surfaces.pieces.size() - l.piece_count);
+         if (l.centroid != UINT32_MAX) m.surfaces.centroids.pop_back();
      }},
-    {"LuxelPieceOutOfItsSquare", "luxels", [](Made& m) { m.surfaces.piece_points[0].x -= 1; }},
+    {"LuxelPieceOutOfItsSquare", "luxels", [](Made& m) { --m.surfaces.pieces[0].first_point; }},
     {"ChartElsewhere", "luxels-on-faces",
      [](Made& m) {
          for (Chart& c : m.surfaces.charts) c.origin += c.s * (c.luxel_size * c.width);
