@@ -316,6 +316,7 @@ TEST(CurveTraces, SweepsAgreeWithAllTriangles) {
         const double grow = kContact + 2 * kTouch;
         for (const Tri& tri : a.all) {
             if (!near_way(tri, from, to, mins, maxs, 0.1)) continue;
+            if (length(crossed(tri.corner[1] - tri.corner[0], tri.corner[2] - tri.corner[0])) == 0) continue; // a line is no surface
             touch = std::min(touch, first_meeting(tri, from, to, mins, maxs, 0)), reach = std::min(reach, first_meeting(tri, from, to, mins, maxs, grow));
             near = near || overlaps(tri, from + mins - V{.01, .01, .01}, from + maxs + V{.01, .01, .01});
             in = in || overlaps(tri, from + mins + V{.01, .01, .01}, from + maxs - V{.01, .01, .01});
