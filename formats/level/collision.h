@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Brushes as traces want them: all planes of one in a row, its box, which brushes belong to a model. Private.
+// Brushes as traces want them: all planes of one in a row, its box, which brushes belong to a model; and curves. Private.
 #pragma once
-#include "formats/level/kiln_level.h"
+#include "formats/level/curve_collision.h"
 #include <cstdint>
 #include <vector>
 
@@ -17,14 +17,16 @@ struct Collision {
     struct Brush {
         double lo[3], hi[3]; // infinite where the level has no bevels
         std::uint32_t first_plane, plane_count;
+        std::uint32_t model;
         std::uint32_t contents; // KILN_CONTENTS_ bit
         std::uint32_t stops;    // KILN_FOR_ bits
     };
     std::vector<Plane> planes;
     std::vector<Brush> brushes;
-    std::vector<std::uint32_t> first_of_model, of_model; // brushes of model m: of_model[first[m], first[m + 1])
-    std::vector<std::uint32_t> unlisted;                 // of the world, in no leaf's list: triggers and their like
-    std::size_t depth = 0;                               // of the tree, in nodes
+    std::vector<std::uint32_t> of_model; // all brushes, by model
+    std::vector<std::uint32_t> unlisted; // of the world, in no leaf's list: triggers and their like
+    Curves curves;
+    std::size_t depth = 0; // of the tree, in nodes
     bool has_bevels = false;
 };
 Collision make_collision(const kiln_level& level); // throws Failure, Damaged

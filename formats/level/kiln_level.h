@@ -147,7 +147,8 @@ typedef struct kiln_curve_corner { /* of a triangle of a curved face; linear in 
  * towards base corner 3 (counter-clockwise seen from the front). Quad (row, column) is two triangles; the diagonal joins
  * the corners whose row + column is even. Neighbours share border vertices to the last bit where they are as fine; a
  * finer one has further vertices on the edges of the coarser one. Its brush is not among the brushes: this grid is what
- * things collide with. */
+ * things collide with. Triangle 2 * (row * 2^power + column) + k, k = 0: the one of the quad that has both its corners of
+ * `column`; k = 1: both of `column` + 1. */
 typedef struct kiln_displacement {
     uint32_t face;                  /* KILN_NO_INDEX: not drawn */
     uint32_t model, material, plane; /* plane: of the base side */
@@ -156,7 +157,7 @@ typedef struct kiln_displacement {
     double base[12];                /* four corners */
     uint32_t first_vertex, vertex_count; /* into kiln_level_displacement_vertices */
     uint32_t first_blend, blend_count;   /* into kiln_level_displacement_blends; as many as vertices or none */
-    uint32_t first_tag, tag_count;       /* into kiln_level_displacement_tags; 2 * 4^power or none */
+    uint32_t first_tag, tag_count;       /* into kiln_level_displacement_tags; of each triangle, or none */
 } kiln_displacement;
 typedef struct kiln_curved_patch { /* columns * rows vertices, row by row; cross(along a row, from row to row): front */
     uint32_t face;                 /* KILN_NO_INDEX: not drawn */
@@ -261,7 +262,9 @@ typedef struct kiln_bevel {
 const kiln_bevel* kiln_level_brush_bevels(const kiln_level* level, uint32_t brush, size_t* count);
 
 /* What a trace looks for: the brushes of some contents and, where any KILN_FOR_ bit is set, of those only the ones that
- * stop one of these (kiln_level_brush_blocks; of levels without, what their contents usually stop). */
+ * stop one of these (kiln_level_brush_blocks; of levels without, what their contents usually stop). Displacements and patches
+ * are looked for as a brush of their material would be: solid, detail, window, grate or clip. Those of liquids, triggers and
+ * the like stop nothing: a sheet holds no space. */
 enum {
     KILN_CONTENTS_SOLID = 1 << 1,
     KILN_CONTENTS_DETAIL = 1 << 2, /* solid that does not seal */
@@ -296,21 +299,31 @@ typedef struct kiln_trace {
     double end[3];        /* start + fraction * (end - start); exactly `end` where fraction is 1, `start` where it is 0 */
     double normal[3];     /* of the plane that stopped it, unit, away from the brush; zeros where none did */
     double distance;      /* of that plane of the brush (not moved by the box): dot(normal, x) = distance */
-    uint32_t contents;    /* KILN_CONTENTS_ bit of `brush`; 0: none */
-    uint32_t brush;       /* that stopped it, else one it started in; KILN_NO_INDEX: none */
+    uint32_t contents;    /* KILN_CONTENTS_ bit of `brush`, `displacement` or `patch`; 0: none */
+    uint32_t brush;       /* that stopped it, else one it started in; KILN_NO_INDEX: none, or one of the next */
     uint32_t side;        /* the own plane of the brush, into kiln_level_brush_planes; KILN_NO_INDEX: a bevel, or none */
-    uint32_t start_solid; /* 1: it starts inside a brush. The trace lets it out and stops at others */
+    uint32_t start_solid; /* 1: it starts inside a brush. The trace lets it out and stops at others; or across a sheet, below */
     uint32_t all_solid;   /* 1: it starts and ends inside one brush; fraction is 0 */
+    uint32_t displacement; /* that stopped it, else one it started across; KILN_NO_INDEX: none */
+    uint32_t patch;        /* the same */
+    uint32_t triangle;     /* of it, numbered as those of displacements; KILN_NO_INDEX: none */
+    uint32_t tag;          /* of that triangle; 0: none */
 } kiln_trace;
 
 /* Moves the box [x + mins, x + maxs], x from `start` to `end`, through the world. A ray is a box of no size.
  *
- * It stops before the first brush in its way, KILN_TRACE_DISTANCE from the plane met, measured along that plane's
+ * It stops before the first brush or sheet in its way, KILN_TRACE_DISTANCE from the plane met, measured along that plane's
  * normal; boxes that pass a brush without coming nearer than half of that are not stopped by it, so that sliding along a
  * surface, as a box does after its motion was clipped to `normal`, goes on however many steps it takes. Neither tunnels:
- * the whole way is swept, whatever its length. Of brushes met at once the lowest counts.
+ * the whole way is swept, whatever its length. Of brushes met at once the lowest counts, then displacements, then patches.
  * Placed by hand, a box may touch a brush, or reach 1/1024 of a unit into it: it may slide along or leave, and is stopped
  * at once where it moves closer.
+ *
+ * Displacements and patches are sheets of triangles that stop from both sides, by the same distances; `normal` looks to the
+ * side the box is on. A displacement's flags 4 and 8 leave it out for boxes and rays. A sheet has no inside: a box that
+ * starts across one (more than 1/1024 deep) has start_solid set and may move along the triangle or away, to the side its
+ * centre is on; into it or through, it is stopped at once, fraction 0 and normal to that side, all_solid 0, so that it slides
+ * out and never falls through. all_solid is set where it does not move at all.
  *
  * KILN_BAD_ARGUMENT: a coordinate beyond +-2^24 or not a number, mins > maxs. KILN_MISSING: the level has no bevels (it
  * was written before there were any) and the box has a size. */
@@ -322,7 +335,7 @@ kiln_status kiln_trace_box(const kiln_level* level, const double start[3], const
 kiln_status kiln_trace_model(const kiln_level* level, uint32_t model, const double origin[3], const double start[3],
                              const double end[3], const double mins[3], const double maxs[3], uint32_t mask,
                              kiln_trace* trace);
-/* KILN_CONTENTS_ bits of all brushes of the world that hold the point, faces included; 0: air, or the void. */
+/* KILN_CONTENTS_ bits of all brushes of the world that hold the point, faces included; 0: air, or the void. Sheets hold none. */
 kiln_status kiln_point_contents(const kiln_level* level, const double point[3], uint32_t* contents);
 kiln_status kiln_model_point_contents(const kiln_level* level, uint32_t model, const double origin[3],
                                       const double point[3], uint32_t* contents);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// C interface: boxes swept through brushes, and what lies at a point.
+// C interface: boxes swept through brushes and curved surfaces, and what lies at a point.
 //
 // Against one brush: every plane, own or bevel, is moved outwards by the box's reach against it, which makes the box a
 // point; the stretch of the way behind all planes is the stretch inside. Three distances keep rounding out of it:
@@ -13,13 +13,21 @@
 //
 // The brush whose contact comes first counts, of several at once the lowest: by contact, not by where the box would rest,
 // since of brushes that abut in one plane the one ahead would show its side as well. All brushes near the way are looked
-// at, so neither the tree nor the order of its leaves shows in the result. What else a level may have to run into
-// joins them as further candidates of Sweep::stop.
+// at, so neither the tree nor the order of its leaves shows in the result.
+//
+// A triangle of a displacement or patch is a convex body as well, one without thickness. Its planes, which bound the sum
+// with any box: its own both ways, the six axial ones, and those along each edge and axis. All touch it, so each is
+// true; that is more than the sum needs, and what is too much costs time only. Triangles of one surface meet at edges
+// that must not stop what slides over them, so they are not grown in all directions: by kContact along their normal,
+// and by kTouch beyond their border, where rounding might leave cracks. Thus no triangle reaches out of the skin of a
+// neighbour that it bends away from (NOTES.md).
 #include "formats/level/level_state.h"
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <numeric>
 
 namespace kiln::level {
 
@@ -130,6 +138,28 @@ public:
         clip(brush, b);
     }
 
+    // Triangles of the model's curves that the box comes by.
+    void walk(const Curves& curves, std::uint32_t model) {
+        Way way{};
+        bool is_ray = true;
+        for (std::size_t k = 0; k < 3; ++k) {
+            way.start[k] = start_[k], way.way[k] = end_[k] - start_[k];
+            way.lo[k] = mins_[k] - kRest, way.hi[k] = maxs_[k] + kRest;
+            is_ray = is_ray && mins_[k] == maxs_[k];
+        }
+        const auto last = [&] { return std::max(0.0, contact_); };
+        walk_curves(curves, model, way, last, [&](const Curves::Curve& c, std::uint32_t quad) {
+            if (!(c.contents & contents_) || (who_ && !(c.stops & who_)) || !(is_ray ? c.for_rays : c.for_boxes)) return;
+            for (const std::uint32_t k : {0u, 1u}) {
+                const Curves::Triangle t = curves.triangle(c, quad, k);
+                float lo[3], hi[3];
+                for (std::size_t i = 0; i < 3; ++i)
+                    lo[i] = std::min({t.corner[0][i], t.corner[1][i], t.corner[2][i]}), hi[i] = std::max({t.corner[0][i], t.corner[1][i], t.corner[2][i]});
+                if (double from = 0; way.meets(lo, hi, last(), from)) clip(kFirstTriangle + 2 * (std::uint64_t{c.first_quad} + quad) + k, t);
+            }
+        });
+    }
+
     // All brushes of the leaves that the box comes by, near leaves first, as far as it still may be stopped earlier.
     void walk(const Nodes& nodes, const Planes& planes, const Leaves& leaves) {
         struct Frame {
@@ -168,20 +198,19 @@ public:
         }
     }
 
-    void finish(const double from[3], const double to[3], kiln_trace& out) const {
+    void finish(const kiln_level& level, const double from[3], const double to[3], kiln_trace& out) const {
         out = {};
         const bool stopped = fraction_ < 1;
         out.fraction = fraction_;
         for (std::size_t k = 0; k < 3; ++k)
             out.end[k] = !stopped ? to[k] : fraction_ > 0 ? from[k] + fraction_ * (to[k] - from[k]) : from[k];
-        out.brush = stopped ? brush_ : start_brush_;
-        out.side = KILN_NO_INDEX;
-        if (out.brush != KILN_NO_INDEX) out.contents = c_.brushes[out.brush].contents;
-        if (stopped && plane_) {
-            std::copy(plane_->normal, plane_->normal + 3, out.normal);
-            out.distance = plane_->distance, out.side = plane_->side;
+        out.brush = out.side = out.displacement = out.patch = out.triangle = KILN_NO_INDEX;
+        name(level, stopped ? met_ : start_met_, out);
+        if (stopped && has_plane_) {
+            std::copy(plane_.normal, plane_.normal + 3, out.normal);
+            out.distance = plane_.distance, out.side = plane_.side;
         }
-        out.start_solid = start_brush_ != KILN_NO_INDEX, out.all_solid = all_solid_;
+        out.start_solid = start_met_ != kNothing, out.all_solid = all_solid_;
     }
 
 private:
@@ -191,9 +220,11 @@ private:
     double lo_[3], hi_[3]; // of the way to the first contact so far, and kRest around
     double rounding_ = 0;
     double contact_ = 1, fraction_ = 1; // of the way to the first contact; of the way to where the box rests then
-    std::uint32_t brush_ = KILN_NO_INDEX, start_brush_ = KILN_NO_INDEX;
-    const Collision::Plane* plane_ = nullptr;
-    bool all_solid_ = false;
+    // Brushes by their numbers, then triangles of displacements, then those of patches.
+    static constexpr std::uint64_t kFirstTriangle = std::uint64_t{1} << 32, kNothing = UINT64_MAX;
+    std::uint64_t met_ = kNothing, start_met_ = kNothing;
+    Collision::Plane plane_{}; // that it was stopped by
+    bool has_plane_ = false, all_solid_ = false;
 
     // The part of [from, to] in which s + t (e - s) >= 0; false: none.
     static bool cut(double s, double e, double& from, double& to) {
@@ -205,9 +236,27 @@ private:
         return from <= to;
     }
 
-    void stop(double contact, double fraction, std::uint32_t brush, const Collision::Plane* plane) {
-        if (contact > contact_ || (contact == contact_ && brush >= brush_)) return;
-        contact_ = contact, fraction_ = fraction, brush_ = brush, plane_ = plane;
+    void name(const kiln_level& level, std::uint64_t met, kiln_trace& out) const {
+        if (met == kNothing) return;
+        if (met < kFirstTriangle) {
+            out.brush = static_cast<std::uint32_t>(met);
+            out.contents = c_.brushes[met].contents;
+            return;
+        }
+        const std::uint64_t quad = (met - kFirstTriangle) / 2;
+        const auto after = std::ranges::upper_bound(c_.curves.curves, quad, {}, &Curves::Curve::first_quad);
+        const Curves::Curve& curve = *std::prev(after);
+        out.displacement = curve.displacement, out.patch = curve.patch, out.contents = curve.contents;
+        out.triangle = static_cast<std::uint32_t>(met - kFirstTriangle - 2 * std::uint64_t{curve.first_quad});
+        if (curve.displacement == KILN_NO_INDEX) return;
+        const Displacements& table = *level.get_displacements();
+        if (const kiln_displacement& d = table.rows[curve.displacement]; d.tag_count > 0) out.tag = table.tags[std::size_t{d.first_tag} + out.triangle];
+    }
+
+    void stop(double contact, double fraction, std::uint64_t met, const Collision::Plane* plane) {
+        if (contact > contact_ || (contact == contact_ && met >= met_)) return;
+        contact_ = contact, fraction_ = fraction, met_ = met, has_plane_ = plane != nullptr;
+        if (plane) plane_ = *plane;
         bound();
     }
     void bound() {
@@ -217,31 +266,123 @@ private:
         }
     }
 
-    void clip(std::uint32_t brush, const Collision::Brush& b) {
-        double enter = -kInfinity, leave = kInfinity; // the brush grown by kContact
-        double rest = 0;                              // where the box comes to rest before the plane it enters by
+    struct Passage { // through a convex body grown by kContact
+        double enter = -kInfinity, leave = kInfinity;
+        double rest = 0; // where the box comes to rest before the plane it enters by
         const Collision::Plane* hit = nullptr;
         bool starts_in = true, ends_in = true;
-        const Collision::Plane* end = c_.planes.data() + b.first_plane + b.plane_count;
-        for (const Collision::Plane* p = c_.planes.data() + b.first_plane; p != end; ++p) {
-            double at = p->distance; // where the box's own origin stands when the box touches the plane
-            for (std::size_t k = 0; k < 3; ++k) at -= p->normal[k] * (p->normal[k] < 0 ? maxs_[k] : mins_[k]);
-            const double s = dot3(p->normal, start_) - at, e = dot3(p->normal, end_) - at;
-            if (e >= -kTouch) ends_in = false;
-            if (s < -kTouch) {
-                if (e > s) leave = std::min(leave, (kContact - s) / (e - s));
-                continue;
-            }
-            starts_in = false;
-            if (e >= std::min(s, kContact) - rounding_) return; // it stays before this plane
-            if (const double t = (s - kContact) / (s - e); t > enter) enter = t, hit = p, rest = std::max(0.0, (s - kRest) / (s - e));
+    };
+    struct Ends {
+        double s, e; // of the way: how far the box is from the plane
+    };
+    Ends ends(const Collision::Plane& p) const {
+        double at = p.distance; // where the box's own origin stands when the box touches the plane
+        for (std::size_t k = 0; k < 3; ++k) at -= p.normal[k] * (p.normal[k] < 0 ? maxs_[k] : mins_[k]);
+        return {dot3(p.normal, start_) - at, dot3(p.normal, end_) - at};
+    }
+    // One more plane of the body; false: the box stays before it.
+    bool cross(const Collision::Plane& p, Passage& way) const {
+        const auto [s, e] = ends(p);
+        if (e >= -kTouch) way.ends_in = false;
+        if (s < -kTouch) {
+            if (e > s) way.leave = std::min(way.leave, (kContact - s) / (e - s));
+            return true;
         }
-        if (starts_in) {
-            if (start_brush_ == KILN_NO_INDEX || brush < start_brush_) start_brush_ = brush;
-            if (ends_in) all_solid_ = true, stop(-kInfinity, 0, brush, nullptr);
+        way.starts_in = false;
+        if (e >= std::min(s, kContact) - rounding_) return false;
+        if (const double t = (s - kContact) / (s - e); t > way.enter) way.enter = t, way.hit = &p, way.rest = std::max(0.0, (s - kRest) / (s - e));
+        return true;
+    }
+
+    // The same of a plane along the border of a triangle, moved out by `grow`. What is nearer than that is inside, unless
+    // it moves closer: between two triangles that share an edge there is no way through, however exactly a ray keeps to it.
+    bool cross_border(const Collision::Plane& p, double grow, Passage& way) const {
+        const auto [s, e] = ends(p);
+        if (s >= -kTouch) way.starts_in = false;
+        if (s >= grow) {
+            if (e >= grow - rounding_) return false;
+        } else if (s < -kTouch || e >= s - rounding_) {
+            if (e > s) way.leave = std::min(way.leave, (grow - s) / (e - s));
+            return true;
+        }
+        if (const double t = (s - grow) / (s - e); t > way.enter) way.enter = t, way.hit = &p, way.rest = std::max(0.0, (s - kRest) / (s - e));
+        return true;
+    }
+
+    void clip(std::uint32_t brush, const Collision::Brush& b) {
+        Passage way;
+        const Collision::Plane* end = c_.planes.data() + b.first_plane + b.plane_count;
+        for (const Collision::Plane* p = c_.planes.data() + b.first_plane; p != end; ++p)
+            if (!cross(*p, way)) return;
+        if (way.starts_in) {
+            start_met_ = std::min(start_met_, std::uint64_t{brush});
+            if (way.ends_in) all_solid_ = true, stop(-kInfinity, 0, brush, nullptr);
             return;
         }
-        if (hit && enter < leave) stop(enter, rest, brush, hit);
+        if (way.hit && way.enter < way.leave) stop(way.enter, way.rest, brush, way.hit);
+    }
+
+    void clip(std::uint64_t number, const Curves::Triangle& t) {
+        double corner[3][3], edge[3][3];
+        for (std::size_t c = 0; c < 3; ++c) std::copy(t.corner[c], t.corner[c] + 3, corner[c]);
+        for (std::size_t c = 0; c < 3; ++c)
+            for (std::size_t k = 0; k < 3; ++k) edge[c][k] = corner[(c + 1) % 3][k] - corner[c][k];
+        std::array<Collision::Plane, 26> planes;
+        std::size_t count = 0;
+        Passage way;
+        const auto add_both = [&](double x, double y, double z) { // the planes that touch the triangle from both sides
+            const double length = std::sqrt(x * x + y * y + z * z);
+            if (!(length > 0)) return false;
+            const double n[3] = {x / length, y / length, z / length};
+            double least = kInfinity, most = -kInfinity;
+            for (const auto& v : corner) {
+                const double at = dot3(n, v);
+                least = std::min(least, at), most = std::max(most, at);
+            }
+            planes[count++] = {{n[0], n[1], n[2]}, most, KILN_NO_INDEX};
+            planes[count++] = {{-n[0], -n[1], -n[2]}, -least, KILN_NO_INDEX};
+            return true;
+        };
+        const auto cross_borders = [&](double x, double y, double z) {
+            if (!add_both(x, y, z)) return true;
+            const double grow = kTouch + kContact * std::fabs(dot3(planes[count - 1].normal, planes[0].normal));
+            return cross_border(planes[count - 2], grow, way) && cross_border(planes[count - 1], grow, way);
+        };
+        if (!add_both(edge[0][1] * edge[1][2] - edge[0][2] * edge[1][1], edge[0][2] * edge[1][0] - edge[0][0] * edge[1][2],
+                      edge[0][0] * edge[1][1] - edge[0][1] * edge[1][0]))
+            return; // no area: its neighbours have its edges
+        if (!cross(planes[0], way) || !cross(planes[1], way)) return;
+        if (!cross_borders(1, 0, 0) || !cross_borders(0, 1, 0) || !cross_borders(0, 0, 1)) return;
+        for (const auto& e : edge)
+            if (!cross_borders(0, -e[2], e[1]) || !cross_borders(e[2], 0, -e[0]) || !cross_borders(-e[1], e[0], 0)) return;
+        if (way.starts_in) return start_across(number, planes[0]);
+        if (!way.hit || way.enter >= way.leave) return;
+        // While the box is before the triangle's own plane, that is what parts them. Of a floor in many triangles, the one
+        // ahead may lie higher by rounding and be entered by its border a moment before the one below is.
+        for (const Collision::Plane& own : {std::cref(planes[0]), std::cref(planes[1])}) {
+            const auto [s, e] = ends(own);
+            if (way.hit == &own || s < 0 || e >= s || s + way.enter * (e - s) < 0) continue;
+            way.hit = &own, way.rest = std::max(way.rest, (s - kRest) / (s - e));
+            break;
+        }
+        stop(way.enter, way.rest, number, way.hit);
+    }
+
+    // The box starts cut by a triangle. There is no inside to be let out of: to leave is to move its centre away from the
+    // sheet, or along it. Were it let through, what sinks in a little would fall out of the world.
+    void start_across(std::uint64_t number, const Collision::Plane& front) {
+        start_met_ = std::min(start_met_, number);
+        double off = -front.distance, along = 0;
+        bool moves = false;
+        for (std::size_t k = 0; k < 3; ++k) {
+            off += front.normal[k] * (start_[k] + (mins_[k] + maxs_[k]) / 2), along += front.normal[k] * (end_[k] - start_[k]);
+            moves = moves || start_[k] != end_[k];
+        }
+        if (!moves) all_solid_ = true, stop(-kInfinity, 0, number, nullptr);
+        if (std::fabs(off) <= kTouch || (off > 0 ? along >= -rounding_ : along <= rounding_)) return;
+        Collision::Plane side = front;
+        if (off < 0) side = {{-front.normal[0], -front.normal[1], -front.normal[2]}, -front.distance, KILN_NO_INDEX};
+        stop(-kInfinity, 0, number, &side);
     }
 };
 
@@ -270,6 +411,10 @@ bool holds(const Collision& c, std::uint32_t brush, const double point[3]) {
     for (std::uint32_t i = b.first_plane; i < b.first_plane + b.plane_count; ++i)
         if (dot3(c.planes[i].normal, point) > c.planes[i].distance) return false;
     return true;
+}
+
+auto brushes_of(const Collision& c, std::uint32_t model) {
+    return std::ranges::equal_range(c.of_model, model, {}, [&](std::uint32_t b) { return c.brushes[b].model; });
 }
 
 // Why there are no tables to trace in.
@@ -302,6 +447,7 @@ Collision make_collision(const kiln_level& level) {
         const kiln_brush& from = brushes.rows[i];
         Collision::Brush b{};
         for (std::size_t k = 0; k < 3; ++k) b.lo[k] = -kInfinity, b.hi[k] = kInfinity;
+        b.model = from.model;
         b.contents = from.contents < 24 ? 1u << from.contents : 0;
         b.stops = blocks ? std::uint32_t{blocks->bits[i]} << 24 : stops_of_contents(b.contents);
         b.first_plane = static_cast<std::uint32_t>(out.planes.size());
@@ -330,16 +476,14 @@ Collision make_collision(const kiln_level& level) {
         b.plane_count = static_cast<std::uint32_t>(out.planes.size()) - b.first_plane;
         out.brushes.push_back(b);
     }
-    out.first_of_model.assign(std::size_t{level.info.models} + 1, 0);
-    for (const kiln_brush& b : brushes.rows) ++out.first_of_model[b.model + 1];
-    for (std::size_t m = 1; m < out.first_of_model.size(); ++m) out.first_of_model[m] += out.first_of_model[m - 1];
     out.of_model.resize(brushes.rows.size());
-    std::vector<std::uint32_t> next = out.first_of_model;
-    for (std::uint32_t i = 0; i < brushes.rows.size(); ++i) out.of_model[next[brushes.rows[i].model]++] = i;
+    std::iota(out.of_model.begin(), out.of_model.end(), 0u);
+    std::ranges::stable_sort(out.of_model, {}, [&](std::uint32_t i) { return out.brushes[i].model; });
     std::vector<std::uint8_t> listed(brushes.rows.size());
     for (const std::uint32_t b : leaves.brushes) listed[b] = 1;
     for (std::uint32_t i = 0; i < brushes.rows.size(); ++i)
         if (brushes.rows[i].model == 0 && !listed[i]) out.unlisted.push_back(i);
+    out.curves = make_curves(level);
     return out;
 }
 
@@ -367,7 +511,8 @@ kiln_status kiln_trace_box(const kiln_level* level, const double start[3], const
         Sweep sweep(*c, start, end, mins, maxs, mask);
         sweep.walk(*level->get_nodes(), *level->get_planes(), *level->get_leaves());
         for (const std::uint32_t b : c->unlisted) sweep.take(b);
-        sweep.finish(start, end, *trace);
+        sweep.walk(c->curves, 0);
+        sweep.finish(*level, start, end, *trace);
         return KILN_OK;
     });
 }
@@ -383,8 +528,9 @@ kiln_status kiln_trace_model(const kiln_level* level, uint32_t model, const doub
     for (int k = 0; k < 3; ++k) s[k] = start[k] - origin[k], e[k] = end[k] - origin[k];
     if (const kiln_status status = check(*c, s, e, mins, maxs); status != KILN_OK) return status;
     Sweep sweep(*c, s, e, mins, maxs, mask);
-    for (std::uint32_t i = c->first_of_model[model]; i < c->first_of_model[model + 1]; ++i) sweep.take(c->of_model[i]);
-    sweep.finish(start, end, *trace);
+    for (const std::uint32_t b : brushes_of(*c, model)) sweep.take(b);
+    sweep.walk(c->curves, model);
+    sweep.finish(*level, start, end, *trace);
     for (int k = 0; k < 3; ++k) trace->distance += trace->normal[k] * origin[k];
     return KILN_OK;
 }
@@ -427,8 +573,8 @@ kiln_status kiln_model_point_contents(const kiln_level* level, uint32_t model, c
     const Collision* c = level->get_collision();
     if (!c) return fault(*level);
     const double p[3] = {point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]};
-    for (std::uint32_t i = c->first_of_model[model]; i < c->first_of_model[model + 1]; ++i)
-        if (holds(*c, c->of_model[i], p)) *contents |= c->brushes[c->of_model[i]].contents;
+    for (const std::uint32_t b : brushes_of(*c, model))
+        if (holds(*c, b, p)) *contents |= c->brushes[b].contents;
     return KILN_OK;
 }
 

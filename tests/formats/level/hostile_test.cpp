@@ -278,6 +278,56 @@ TEST(LevelHostile, DamagedCollisionStopsTracesNotTheRest) {
     }
 }
 
+TEST(LevelHostile, DamagedCurvesStopTracesNotTheRest) {
+    LevelContent c = test::constant_room({1, 1, 1});
+    Displacement d;
+    d.base = {Double3{-64, -64, 0}, {64, -64, 0}, {64, 64, 0}, {-64, 64, 0}};
+    for (int i = 0; i < 25; ++i) d.positions.push_back({32.f * static_cast<float>(i % 5) - 64, 32.f * static_cast<float>(i / 5) - 64, 16}), d.alphas.push_back(0);
+    d.triangle_tags.assign(32, 9);
+    CurvedPatch p;
+    p.columns = 3, p.rows = 2;
+    for (int i = 0; i < 6; ++i) p.positions.push_back({32.f * static_cast<float>(i % 3), 32.f * static_cast<float>(i / 3), 32}), p.uv.push_back({0, 0});
+    c.displacements = {d}, c.patches = {p};
+    const Bytes good = write_level(c);
+    kiln_trace trace{};
+    ASSERT_EQ(fall(Level(good), 8, &trace), KILN_OK);
+    EXPECT_DOUBLE_EQ(trace.end[2], 32 + 8 + KILN_TRACE_DISTANCE);
+    EXPECT_EQ(trace.patch, 0u);
+    // Vertices that are no places: columns of byte planes, so that all values are spoiled at once.
+    for (const char* lump : {"DISP", "CURV"})
+        for (const float value : {NAN, INFINITY, -INFINITY, 1e30f}) {
+            LevelContent spoiled = c;
+            (lump[0] == 'D' ? spoiled.displacements[0].positions : spoiled.patches[0].positions)[3][1] = value;
+            const Bytes bad = write_level(spoiled);
+            const Level level(bad);
+            EXPECT_EQ(fall(level, 8, &trace), KILN_DAMAGED);
+            EXPECT_EQ(fall(level, 0, &trace), KILN_DAMAGED);
+            EXPECT_EQ(kiln_level_check(level.get(), nullptr), KILN_OK); // what draws it may know what to do
+        }
+    for (const char* lump : {"DISP", "CURV", "MATL"}) { // cut short
+        Forge bad(good);
+        bad[lump].bytes.resize(bad[lump].bytes.size() / 2);
+        const Bytes bytes = bad.bytes();
+        EXPECT_EQ(fall(Level(bytes), 8, &trace), KILN_DAMAGED) << lump;
+    }
+    // Thin and empty grids.
+    for (const auto [columns, rows] : {std::array{0u, 0u}, std::array{1u, 6u}, std::array{6u, 1u}, std::array{2u, 3u}}) {
+        LevelContent thin = c;
+        thin.patches[0].columns = columns, thin.patches[0].rows = rows;
+        thin.patches[0].positions.resize(columns * rows), thin.patches[0].uv.resize(columns * rows);
+        const Bytes bytes = write_level(thin);
+        EXPECT_EQ(fall(Level(bytes), 8, &trace), KILN_OK) << columns;
+    }
+    std::mt19937_64 random(6);
+    for (int i = 0; i < 4000; ++i) {
+        Forge bad(good);
+        const char* names[] = {"DISP", "CURV", "MATL", "HEAD"};
+        Bytes& l = bad[names[i % 4]].bytes;
+        for (int k = 0; k <= i % 3; ++k) l[random() % (i % 8 < 4 ? l.size() : std::min<std::size_t>(l.size(), 60))] = static_cast<std::uint8_t>(random());
+        use_everything(bad.bytes());
+    }
+}
+
 // Written before there were bevels: rays are traced, boxes are not traced wrongly.
 TEST(LevelHostile, ALevelWithoutBevelsTracesRays) {
     LevelContent c = test::constant_room({1, 1, 1});
