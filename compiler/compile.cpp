@@ -7,7 +7,6 @@
 namespace kiln {
 namespace {
 
-constexpr const char* kVersion = "kiln 0.1.0"; // of the level file; results also carry their stage's version
 
 // What geometry depends on: brushes, sides, materials; not where in the text they stand, not what entities say.
 Hash geometry_key(const World& world) {

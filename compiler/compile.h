@@ -8,12 +8,22 @@
 #include "compiler/pack/pack.h"
 #include "libs/store/store.h"
 #include <functional>
+#include <optional>
+#include <string_view>
 
 namespace kiln {
+
+inline constexpr const char* kVersion = "kiln 0.1.0"; // in what is written; stored results carry their stage's version too
 
 enum class Stage : std::uint8_t { read, world, csg, bsp, surfaces, visibility, light, ambient, probes, pack };
 constexpr std::array<const char*, 10> kStageNames = {"read",       "world", "csg",     "bsp",    "surfaces",
                                                      "visibility", "light", "ambient", "probes", "pack"};
+
+constexpr std::optional<Stage> stage_named(std::string_view name) {
+    for (std::size_t i = 0; i < kStageNames.size(); ++i)
+        if (name == kStageNames[i]) return static_cast<Stage>(i);
+    return std::nullopt;
+}
 
 struct CompileOptions {
     WorldOptions world;

@@ -42,6 +42,10 @@ PlanePolygon plane_quad(const PlaneTable& table, const std::array<PlaneId, 6>& b
 }
 
 Poly Cutter::make(const PlanePolygon& polygon) {
+    return make(polygon, [&](PlaneId before, PlaneId edge) { return space_.planes.point(polygon.support, before, edge); });
+}
+
+template <class PointOf> Poly Cutter::make(const PlanePolygon& polygon, const PointOf& point_of) {
     Poly p;
     p.support = polygon.support;
     p.count = static_cast<std::uint32_t>(polygon.size());
@@ -49,7 +53,7 @@ Poly Cutter::make(const PlanePolygon& polygon) {
     PlaneId before = polygon.edges.back();
     for (std::size_t i = 0; i < p.count; ++i) {
         const PlaneId edge = polygon.edges[i];
-        p.first[i] = {space_.planes.point(p.support, before, edge), edge};
+        p.first[i] = {point_of(before, edge), edge};
         p.box.add(p.first[i].point);
         before = edge;
     }
@@ -255,19 +259,10 @@ bool Cutter::walk_section(const Splitter& q, Poly& section) {
 Poly Cutter::clip_section(const Splitter& q) {
     outline_.support = q.plane;
     for (const PlaneId f : faces_) KILN_CHECK(clip_to_back(space_.planes, outline_, f)); // q has area in the polytope
-    Poly section;
-    section.support = q.plane;
-    section.count = static_cast<std::uint32_t>(outline_.size());
-    section.first = pool_.take<Corner>(section.count);
-    PlaneId before = outline_.edges.back();
-    for (std::size_t i = 0; i < section.count; ++i) {
-        const PlaneId edge = outline_.edges[i];
+    return make(outline_, [&](PlaneId before, PlaneId edge) {
         const Vec3* known = find_crossing(before, edge);
-        section.first[i] = {known ? *known : space_.planes.point(q.plane, before, edge), edge};
-        section.box.add(section.first[i].point);
-        before = edge;
-    }
-    return section;
+        return known ? *known : space_.planes.point(q.plane, before, edge);
+    });
 }
 
 void Cutter::close(const Poly& section, Polytope& front, Polytope& back) {

@@ -110,6 +110,7 @@ private:
     std::vector<Crossed> crossed_;
     PlanePolygon outline_;
 
+    template <class PointOf> Poly make(const PlanePolygon& polygon, const PointOf& point_of); // point_of(edge before, edge)
     std::int8_t* sides_of(std::size_t corners);
     unsigned classify(const Poly& poly, const Splitter& q, std::int8_t* side) const;
     unsigned classify(const Polytope& body, const Splitter& q);

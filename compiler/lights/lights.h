@@ -13,6 +13,7 @@
 namespace kiln {
 
 enum class LightKind : std::uint8_t { point, spot, sun, sky };
+inline constexpr std::array<const char*, 4> kLightKindNames = {"point", "spot", "sun", "sky"};
 enum class Falloff : std::uint8_t {
     polynomial,   // 1 / (constant + linear d + quadratic d^2), d clamped to >= 1 map unit
     quake_linear, // max(0, 1 - d / range), Quake `delay 0`

@@ -183,7 +183,6 @@ void add_curve(const PackInput& in, const Curve& curve, level::LevelContent& out
     level::FaceInfo face;
     face.curved = true, face.drawn = face.blocks_light = false;
     face.first_triangle = static_cast<std::uint32_t>(out.triangles.size());
-    const std::uint32_t first_corner = s.faces[s.first_curved_face].first_triangle;
     const Face* largest = nullptr;
     for (std::uint32_t i = curve.first_face; i < curve.first_face + curve.face_count; ++i) {
         const Face& f = s.faces[i];
@@ -201,7 +200,7 @@ void add_curve(const PackInput& in, const Curve& curve, level::LevelContent& out
             std::array<level::CurveCorner, 3> corners;
             for (std::size_t c = 0; c < 3; ++c) {
                 const Vec3f n = s.corner_normals[t][c];
-                const CurveCorner& from = s.curve_corners[t - first_corner][c];
+                const CurveCorner& from = s.corners_of(t)[c];
                 normals[c] = {n.x, n.y, n.z};
                 corners[c] = {floats(from.luxel), floats(from.uv), static_cast<float>(from.alpha)};
             }

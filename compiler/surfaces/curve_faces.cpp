@@ -330,10 +330,8 @@ Look look_of(const World& world, const CurveGrid& g, Context& context) {
     const std::uint32_t f = world.materials[g.material.at()].flags;
     const bool clear = (f & (kInvisible | kTranslucent)) || world.materials[g.material.at()].alpha < 1;
     bool shadow = true;
-    std::uint32_t hidden = kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible;
     if (g.kind == Curve::displacement) {
-        const auto after = std::ranges::upper_bound(world.brushes, g.side.value, {}, &WorldBrush::first_side);
-        shadow = std::prev(after)->casts_light_shadow;
+        shadow = world.brushes[world.brush_of(g.side).at()].casts_light_shadow;
         if (f & kNoDraw)
             context.report(Severity::warning, "displacement-nodraw",
                            fmt::format("'{}' on a displacement: it is drawn all the same, as in the original tools",
@@ -343,11 +341,10 @@ Look look_of(const World& world, const CurveGrid& g, Context& context) {
         const WorldEntity& e = world.entities[world.patches[g.source].entity.at()];
         const double asked = e.number("_shadow", 0);
         shadow = g.model.value == 0 ? asked != -1 : asked == 1 || e.number("vrad_brush_cast_shadows", 0) == 1;
-        hidden |= kNoDraw;
     }
     Look look;
     look.sky = (f & kSky) != 0;
-    look.drawn = !(f & hidden) && !look.sky;
+    look.drawn = !(f & undrawn_flags(g.kind)) && !look.sky;
     look.blocks = (f & kLightBlocker) || (!clear && shadow);
     look.two_sided = look.drawn && (f & kTwoSided);
     look.lit = look.drawn && !(f & kNoLight);

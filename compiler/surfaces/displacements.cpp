@@ -269,8 +269,7 @@ void add_displacements(const World& world, const Csg& csg, CurveGrids& out, Cont
         context.check_cancelled();
         const WorldDisplacement& source = world.displacements[d];
         const WorldSide& side = world.sides[source.side.at()];
-        const auto after = std::ranges::upper_bound(world.brushes, source.side.value, {}, &WorldBrush::first_side);
-        const auto brush = id<BrushId>(static_cast<std::size_t>(after - world.brushes.begin()) - 1);
+        const BrushId brush = world.brush_of(source.side);
         const std::optional<Base> base = base_of(world, csg, brush, source.side, source.grid.start, context);
         if (!base) continue;
         const Material& material = world.materials[side.material.at()];
@@ -291,9 +290,7 @@ void add_displacements(const World& world, const Csg& csg, CurveGrids& out, Cont
                 if (!grid.offsets.empty()) p += grid.offsets[v];
                 g.vertices.push_back(static_cast<std::uint32_t>(out.positions.size()));
                 out.positions.push_back(p + Vec3{0, 0, 0}); // no negative zeros: positions are compared by their bits
-                const DocTexture& t = side.texture; // of the flat face: displacing stretches the picture
-                g.uv.push_back({(dot(flat, t.u_axis) / t.u_scale + t.u_shift) / std::max(1, material.width),
-                                (dot(flat, t.v_axis) / t.v_scale + t.v_shift) / std::max(1, material.height)});
+                g.uv.push_back(texture_uv(side.texture, material, flat)); // of the flat face: displacing stretches the picture
                 g.alpha.push_back(grid.alphas.empty() ? 0 : std::clamp(grid.alphas[v] / 255, 0.0, 1.0));
             }
         for (Border& b : borders_of(g, static_cast<std::uint32_t>(out.grids.size()), base->corner)) borders.push_back(std::move(b));

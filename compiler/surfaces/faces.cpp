@@ -91,11 +91,6 @@ void read_smoothing(const World& world, const WorldSide& side, const WorldBrush&
     if (!side.smoothing_groups) draft.phong_angle_deg = std::max(draft.phong_angle_deg, usual);
 }
 
-BrushId brush_of(const World& world, SideId side) {
-    const auto after = std::ranges::upper_bound(world.brushes, side.value, {}, &WorldBrush::first_side);
-    return id<BrushId>(static_cast<std::size_t>(after - world.brushes.begin()) - 1);
-}
-
 Groups collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& vertices) {
     Groups out;
     std::vector<Group>& groups = out.groups;
@@ -129,7 +124,7 @@ Groups collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& 
         group_of[v.fragment] = add(f.model, f.side, f.brush, f.behind, v.polygon, cluster, f.front);
     }
     for (const ClosedGap& g : bsp.closed)
-        add({0}, g.side, brush_of(world, g.side), Contents::solid, g.polygon, bsp.leaves[g.leaf.at()].cluster, Contents::empty, true);
+        add({0}, g.side, world.brush_of(g.side), Contents::solid, g.polygon, bsp.leaves[g.leaf.at()].cluster, Contents::empty, true);
     // Light blockers without contents of their own never became fragments: their whole sides block.
     for (std::size_t b = 0; b < csg.brushes.size(); ++b) {
         const WorldBrush& brush = world.brushes[b];

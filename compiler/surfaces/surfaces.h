@@ -181,6 +181,7 @@ struct Surfaces {
           seams, texel_count, curves, first_curved_face, luxel_maps, curve_corners, overlay_fragments, overlay_points);
     }
 
+    const std::array<CurveCorner, 3>& corners_of(std::size_t curved_triangle) const { return curve_corners[curved_triangle - faces[first_curved_face].first_triangle]; }
     const LuxelMap& luxel_map(FaceId curved_face) const { return luxel_maps[curved_face.value - first_curved_face]; }
 };
 
@@ -213,6 +214,10 @@ inline double luxel_area(const Surfaces& s, FaceId face) { // map units squared 
     if (f.curved()) return length(cross(s.luxel_map(face).i, s.luxel_map(face).j));
     const double size = s.charts[f.chart.at()].luxel_size;
     return size * size;
+}
+// Material flags under which a curve is not drawn. Nodraw hides patches; displacements are drawn all the same.
+constexpr std::uint32_t undrawn_flags(Curve::Kind kind) {
+    return kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible | (kind == Curve::patch ? kNoDraw : 0u);
 }
 // Where in the map file a face comes from.
 inline SourceLocation location_of(const World& world, const Surfaces& s, FaceId face) {

@@ -40,13 +40,13 @@ void add_touching(CurveGrids& grids) {
             for (std::size_t k = 0; k < places.size(); ++k) {
                 const std::uint32_t from = places[k], to = places[(k + 1) % places.size()];
                 const Vec3 a = grids.positions[g.vertices[from]], d = grids.positions[g.vertices[to]] - a;
-                const double reach = length(d);
-                if (!(reach > 2 * kTouch)) continue;
+                const double size = length(d);
+                if (!(size > 2 * kTouch)) continue;
                 std::vector<CurveGrid::Guest> found;
                 cells.along(a, a + d, kTouch, [&](std::uint32_t v, Vec3 p) {
-                    const double along = dot(p - a, d) / reach;
-                    if (along < kTouch || along > reach - kTouch || std::ranges::binary_search(own, v)) return;
-                    if (length(p - a - d * (along / reach)) <= kTouch) found.push_back({along / reach, v});
+                    const double along = dot(p - a, d) / size;
+                    if (along < kTouch || along > size - kTouch || std::ranges::binary_search(own, v)) return;
+                    if (length(p - a - d * (along / size)) <= kTouch) found.push_back({along / size, v});
                 });
                 if (found.empty()) continue;
                 std::vector<CurveGrid::Guest>& guests = g.guests[{from, to}];

@@ -47,7 +47,7 @@ void polytopes(const World& world, const Csg& csg, Checker& checker) {
 void fragments(const World& world, const Csg& csg, Checker& checker) {
     Check &within = checker.add("fragments-in-brush"), &apart = checker.add("fragments-uncovered"), &closed = checker.add("fragments-closed");
     const Brushes brushes(world, csg);
-    Random random(7);
+    RandomPoints random(7);
     // Per model: the area vectors of a closed surface add up to zero, and so do their moments. The bounds are what
     // rounding of corners can do.
     struct Sum {

@@ -208,7 +208,7 @@ private:
         if (leaf.empty() || brushes.empty()) return;
         Box3 all;
         for (const kiln_leaf& f : leaf) all.add(vec(f.lo)), all.add(vec(f.hi));
-        Random random(options_.seed);
+        RandomPoints random(options_.seed);
         const auto depth = [&](const kiln_brush& b, Vec3 p) {
             double d = -1e30;
             for (std::uint32_t k = 0; k < b.plane_count; ++k) {

@@ -196,9 +196,7 @@ private:
         };
         for (std::size_t f = s.first_curved_face; f < s.faces.size(); ++f) {
             const Face& face = s.faces[f];
-            std::uint32_t never = kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible;
-            if (s.curves[face.curve].kind == Curve::patch) never |= kNoDraw;
-            if (face.model.value != 0 || (world_.materials[face.material.at()].flags & never)) continue;
+            if (face.model.value != 0 || (world_.materials[face.material.at()].flags & undrawn_flags(s.curves[face.curve].kind))) continue;
             for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t) {
                 const Vec3 a = s.positions[s.triangles[t][0]], b = s.positions[s.triangles[t][1]], c = s.positions[s.triangles[t][2]];
                 const Vec3 middle = (a + b + c) / 3.0;

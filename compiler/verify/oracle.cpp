@@ -3,7 +3,7 @@
 
 namespace kiln::verify {
 
-Vec3 Random::in(std::span<const Vec3> convex) {
+Vec3 RandomPoints::in(std::span<const Vec3> convex) {
     // Exponential weights of the corners: uniform over a triangle, inside of any polygon.
     Vec3 sum;
     double total = 0;

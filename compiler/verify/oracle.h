@@ -1,16 +1,16 @@
 // Private to verify: brute force over brushes, random points that are the same everywhere, and where boxes are.
 #pragma once
 #include "compiler/csg/csg.h"
-#include <random>
+#include "libs/sampling/sobol.h"
 #include <span>
 
 namespace kiln::verify {
 
-// [0, 1) and points from a generator whose numbers the standard states; distributions are each library's own.
-class Random {
+// Points where the checks want them: the same on every platform.
+class RandomPoints {
 public:
-    explicit Random(std::uint64_t seed) : engine_(seed) {}
-    double unit() { return static_cast<double>(engine_() >> 11) * 0x1p-53; }
+    explicit RandomPoints(std::uint64_t seed) : unit_(seed) {}
+    double unit() { return unit_(); } // [0, 1)
     std::size_t below(std::size_t n) { return static_cast<std::size_t>(unit() * static_cast<double>(n)); }
     Vec3 in(const Box3& box) {
         const Vec3 s = box.size();
@@ -20,7 +20,7 @@ public:
     Vec3 in(std::span<const Vec3> convex); // within a convex polygon, nowhere near its corners alone
 
 private:
-    std::mt19937_64 engine_;
+    kiln::Random unit_;
 };
 
 // Boxes by place: all that hold a point.

@@ -84,7 +84,7 @@ private:
         std::vector<std::uint32_t> corners; // of brushes of the world
         for (std::uint32_t b = 0; b < csg_.brushes.size(); ++b)
             if (csg_.brushes[b].valid && world_.brushes[b].model.value == 0) corners.push_back(b);
-        Random random(options_.seed);
+        RandomPoints random(options_.seed);
         constexpr double kAround = 8; // map units: half of the points lie so near to a corner of a brush
         for (std::size_t i = 0; i < options_.points; ++i) {
             Vec3 p = random.in(all);
@@ -165,7 +165,7 @@ private:
         for (std::size_t i = 0; i < bsp_.portals.size(); ++i) between[std::minmax(bsp_.portals[i].leaf_front, bsp_.portals[i].leaf_back)].push_back(i);
         std::map<LeafId, std::vector<const ClosedGap*>> gaps;
         for (const ClosedGap& g : bsp_.closed) gaps[g.leaf].push_back(&g);
-        Random random(options_.seed + 1);
+        RandomPoints random(options_.seed + 1);
         for (std::size_t l = 0; l < bsp_.leaves.size(); ++l) {
             if (!bsp_.leaves[l].cluster.valid()) continue;
             for (const PlanePolygon& face : polytopes_[l]) {
@@ -234,7 +234,7 @@ private:
             within.expect(in_fragment, tell("a visible part reaches out of its fragment"));
             within.expect(in_leaf, tell("a visible part reaches out of the leaf in front of it"));
         }
-        Random random(options_.seed + 2);
+        RandomPoints random(options_.seed + 2);
         for (std::size_t i = 0; i < csg_.fragments.size(); ++i) {
             const Fragment& f = csg_.fragments[i];
             if (f.covered || !strength(f.behind)) continue;
@@ -307,7 +307,7 @@ void verify_visibility(const Bsp& bsp, const Visibility& v, const VerifyOptions&
         }
         return true;
     };
-    Random random(options.seed + 3);
+    RandomPoints random(options.seed + 3);
     for (std::size_t i = 0; i < options.points; ++i) {
         const Vec3 a = random.in(bsp.leaves[open[random.below(open.size())].at()].bounds), b = random.in(bsp.leaves[open[random.below(open.size())].at()].bounds);
         const LeafId from = leaf_at(bsp, a), to = leaf_at(bsp, b);

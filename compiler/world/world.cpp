@@ -25,11 +25,13 @@ SourceLocation World::location(BrushId brush) const {
     const WorldBrush& b = brushes[brush.at()];
     return {name_of(b.file), b.line, entities[b.entity.at()].id, b.id};
 }
+BrushId World::brush_of(SideId side) const {
+    const auto after = std::ranges::upper_bound(brushes, side.value, {}, &WorldBrush::first_side);
+    return id<BrushId>(static_cast<std::size_t>(after - brushes.begin()) - 1);
+}
 SourceLocation World::location(SideId side) const {
     if (side.at() >= sides.size()) return {file};
-    const auto after = std::upper_bound(brushes.begin(), brushes.end(), side.value,
-                                        [](std::uint32_t s, const WorldBrush& b) { return s < b.first_side; });
-    SourceLocation where = location(id<BrushId>(static_cast<std::size_t>(after - brushes.begin()) - 1));
+    SourceLocation where = location(brush_of(side));
     where.line = sides[side.at()].line;
     where.side = sides[side.at()].id;
     return where;

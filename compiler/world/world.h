@@ -139,11 +139,17 @@ struct World {
     }
 
     const std::string& name_of(std::uint16_t index) const { return index == 0 ? file : included[index - 1u]; }
+    BrushId brush_of(SideId side) const; // O(log brushes)
     SourceLocation location(BrushId brush) const;
-    SourceLocation location(SideId side) const; // O(log brushes)
+    SourceLocation location(SideId side) const;
     SourceLocation location(EntityId entity) const;
     SourceLocation location(const WorldPatch& patch) const;
 };
+
+// Repeats of the material's texture at a point, v down.
+inline Vec2 texture_uv(const DocTexture& t, const Material& m, Vec3 point) {
+    return {(dot(point, t.u_axis) / t.u_scale + t.u_shift) / std::max(1, m.width), (dot(point, t.v_axis) / t.v_scale + t.v_shift) / std::max(1, m.height)};
+}
 
 struct WorldOptions {
     double lightmap_scale = 16; // where neither side, entity nor worldspawn says (world units per luxel)

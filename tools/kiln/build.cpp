@@ -125,9 +125,7 @@ Command build_command(CLI::App& app) {
                 return console.fail(fault(Exit::io, "cannot-write", "the folder is missing or not writable, or this is a folder", {.file = written}));
         }
 
-        Stage last = Stage::pack;
-        for (std::size_t i = 0; i < kStageNames.size(); ++i)
-            if (o->stop_after == kStageNames[i]) last = static_cast<Stage>(i);
+        const Stage last = stage_named(o->stop_after).value_or(Stage::pack);
         Compiled c;
         int code = compile_map(o->bake, console, context, last, c);
 

@@ -154,11 +154,10 @@ Rows dump_overlays(const Compiled& c) {
     return rows;
 }
 Rows dump_lights(const Compiled& c) {
-    static constexpr const char* kKinds[] = {"point", "spot", "sun", "sky"};
     Rows rows;
     for (std::size_t i = 0; i < c.lights.size(); ++i) {
         const Light& l = c.lights[i];
-        rows.push_back({{"light", i}, {"kind", kKinds[static_cast<int>(l.kind) % 4]}, {"entity", to_json(l.entity)}, {"position", to_json(l.position)}, {"direction", to_json(l.direction)},
+        rows.push_back({{"light", i}, {"kind", kLightKindNames[static_cast<std::size_t>(l.kind)]}, {"entity", to_json(l.entity)}, {"position", to_json(l.position)}, {"direction", to_json(l.direction)},
                         {"intensity", to_json(l.intensity)}, {"constant", l.constant}, {"linear", l.linear}, {"quadratic", l.quadratic}, {"range", l.range},
                         {"cos_inner", l.cos_inner}, {"cos_outer", l.cos_outer}, {"exponent", l.exponent}, {"style", l.style}});
     }

@@ -5,15 +5,7 @@
 namespace kiln {
 namespace {
 
-Json source(const Compiled& c, SideId side) {
-    const SourceLocation at = c.world.location(side);
-    return {at.entity, at.brush, at.side};
-}
-
-Json face_source(const Compiled& c, FaceId face) {
-    const SourceLocation at = location_of(c.world, c.surfaces, face);
-    return {at.entity, at.brush, at.side};
-}
+Json source(const SourceLocation& at) { return {at.entity, at.brush, at.side}; }
 
 Rows dump_brushes(const Compiled& c) {
     Rows rows;
@@ -36,7 +28,7 @@ Rows dump_sides(const Compiled& c) {
         const WorldSide& w = c.world.sides[s];
         const auto it = planes.find(s);
         const bool bounds = it != planes.end();
-        rows.push_back({{"source", source(c, {s})}, {"index", s}, {"line", w.line}, {"material", c.world.materials[w.material.at()].name},
+        rows.push_back({{"source", source(c.world.location(SideId{s}))}, {"index", s}, {"line", w.line}, {"material", c.world.materials[w.material.at()].name},
                         {"normal", bounds ? to_json(c.csg.planes.normal(it->second)) : Json()}, {"distance", bounds ? Json(c.csg.planes.distance(it->second)) : Json()},
                         {"lightmap_scale", w.lightmap_scale}, {"smoothing", w.smoothing_groups}, {"u_axis", to_json(w.texture.u_axis)}, {"v_axis", to_json(w.texture.v_axis)},
                         {"shift", {w.texture.u_shift, w.texture.v_shift}}, {"scale", {w.texture.u_scale, w.texture.v_scale}}, {"no_dynamic_shadow", w.no_dynamic_shadow}});
@@ -112,14 +104,14 @@ Rows dump_leak(const Compiled& c) {
 }
 Rows dump_gaps(const Compiled& c) {
     Rows rows;
-    for (const ClosedGap& g : c.bsp.closed) rows.push_back({{"side", source(c, g.side)}, {"winding", list(points(c.bsp.planes, g.polygon))}, {"leaf", to_json(g.leaf)}});
+    for (const ClosedGap& g : c.bsp.closed) rows.push_back({{"side", source(c.world.location(g.side))}, {"winding", list(points(c.bsp.planes, g.polygon))}, {"leaf", to_json(g.leaf)}});
     return rows;
 }
 Rows dump_visible(const Compiled& c) {
     Rows rows;
     for (const VisibleFragment& v : c.bsp.visible) {
         const Fragment& f = c.csg.fragments[v.fragment];
-        rows.push_back({{"side", source(c, f.side)}, {"behind", name(f.behind)}, {"front", name(f.front)}, {"winding", list(points(c.bsp.planes, v.polygon))}, {"fragment", v.fragment}, {"leaf", to_json(v.leaf)}});
+        rows.push_back({{"side", source(c.world.location(f.side))}, {"behind", name(f.behind)}, {"front", name(f.front)}, {"winding", list(points(c.bsp.planes, v.polygon))}, {"fragment", v.fragment}, {"leaf", to_json(v.leaf)}});
     }
     return rows;
 }
@@ -134,7 +126,7 @@ Rows dump_triangles(const Compiled& c) {
         Json corners = Json::array(), normals = Json::array();
         for (std::size_t k = 0; k < 3; ++k) corners.push_back(to_json(c.surfaces.positions[c.surfaces.triangles[t][k]])), normals.push_back(to_json(c.surfaces.corner_normals[t][k]));
         const FaceId f = c.surfaces.triangle_face[t];
-        rows.push_back({{"triangle", t}, {"face", to_json(f)}, {"vertices", c.surfaces.triangles[t]}, {"source", face_source(c, f)}, {"corners", corners}, {"normals", normals}});
+        rows.push_back({{"triangle", t}, {"face", to_json(f)}, {"vertices", c.surfaces.triangles[t]}, {"source", source(location_of(c.world, c.surfaces, f))}, {"corners", corners}, {"normals", normals}});
     }
     return rows;
 }
@@ -154,7 +146,7 @@ Rows dump_displacements(const Compiled& c) {
     Rows rows;
     for (const WorldDisplacement& d : c.world.displacements) {
         const DocDisplacement& g = d.grid;
-        rows.push_back({{"side", source(c, d.side)}, {"line", g.line}, {"power", g.power}, {"start", to_json(g.start)}, {"elevation", g.elevation}, {"flags", g.flags},
+        rows.push_back({{"side", source(c.world.location(d.side))}, {"line", g.line}, {"power", g.power}, {"start", to_json(g.start)}, {"elevation", g.elevation}, {"flags", g.flags},
                         {"normals", list(g.normals)}, {"distances", list(g.distances)}, {"offsets", list(g.offsets)}, {"alphas", list(g.alphas)}});
     }
     return rows;

@@ -27,6 +27,12 @@ Json points(std::span<const float> all, std::size_t first, std::size_t count) {
     return j;
 }
 
+kiln_source source_of(const kiln_level* l, kiln_status (*get)(const kiln_level*, std::uint32_t, kiln_source*), std::uint32_t i) {
+    kiln_source s{-1, -1, -1, 0}; // stripped: unknown
+    get(l, i, &s);
+    return s;
+}
+
 Rows dump_planes(const kiln_level* l) {
     Rows rows;
     const auto p = rows_of(l, kiln_level_planes);
@@ -73,8 +79,7 @@ Rows dump_brushes(const kiln_level* l) {
     const auto planes = rows_of(l, kiln_level_brush_planes);
     const auto table = rows_of(l, kiln_level_planes);
     for (std::uint32_t i = 0; i < b.size(); ++i) {
-        kiln_source s{-1, -1, -1, 0};
-        kiln_level_brush_source(l, i, &s); // stripped: unknown
+        const kiln_source s = source_of(l, kiln_level_brush_source, i);
         Json sides = Json::array();
         for (const std::uint32_t p : planes.subspan(b[i].first_plane, b[i].plane_count)) sides.push_back({table[p].normal[0], table[p].normal[1], table[p].normal[2], table[p].distance});
         rows.push_back({{"brush", s.brush}, {"index", i}, {"entity", s.entity}, {"line", s.line}, {"contents", name(static_cast<Contents>(b[i].contents))}, {"model", b[i].model}, {"planes", sides}});
@@ -95,8 +100,7 @@ Rows dump_faces(const kiln_level* l) {
     const auto m = rows_of(l, kiln_level_materials);
     const auto planes = rows_of(l, kiln_level_planes);
     for (std::uint32_t i = 0; i < f.size(); ++i) {
-        kiln_source s{-1, -1, -1, 0};
-        kiln_level_face_source(l, i, &s);
+        const kiln_source s = source_of(l, kiln_level_face_source, i);
         rows.push_back({{"face", i}, {"entity", s.entity}, {"brush", s.brush}, {"side", s.side}, {"line", s.line}, {"material", m[f[i].material].name}, {"model", f[i].model}, {"normal", row(planes[f[i].plane].normal)},
                         {"distance", planes[f[i].plane].distance}, {"flags", f[i].flags}, {"triangles", f[i].triangle_count}, {"tangent", row(f[i].tangent)}, {"bitangent", row(f[i].bitangent)},
                         {"chart", index(f[i].chart)}, {"probe", index(f[i].probe)}});
@@ -142,11 +146,10 @@ Rows dump_pages(const kiln_level* l) {
     return rows;
 }
 Rows dump_lights(const kiln_level* l) {
-    static constexpr const char* kKinds[] = {"point", "spot", "sun", "sky"};
     Rows rows;
     const auto e = rows_of(l, kiln_level_lights);
     for (std::size_t i = 0; i < e.size(); ++i)
-        rows.push_back({{"light", i}, {"kind", kKinds[e[i].kind % 4]}, {"position", row(e[i].position)}, {"direction", row(e[i].direction)}, {"intensity", row(e[i].intensity)}, {"falloff", e[i].falloff},
+        rows.push_back({{"light", i}, {"kind", kLightKindNames[e[i].kind % 4]}, {"position", row(e[i].position)}, {"direction", row(e[i].direction)}, {"intensity", row(e[i].intensity)}, {"falloff", e[i].falloff},
                         {"constant", e[i].constant_attn}, {"linear", e[i].linear_attn}, {"quadratic", e[i].quadratic_attn}, {"range", e[i].range}, {"cos_inner", e[i].cos_inner}, {"cos_outer", e[i].cos_outer},
                         {"exponent", e[i].exponent}, {"style", e[i].style}});
     return rows;
@@ -174,8 +177,7 @@ Rows dump_entities(const kiln_level* l) {
     kiln_level_info(l, &info);
     Rows rows;
     for (std::uint32_t e = 0; e < info.entities; ++e) {
-        kiln_source s{-1, -1, -1, 0};
-        kiln_level_entity_source(l, e, &s);
+        const kiln_source s = source_of(l, kiln_level_entity_source, e);
         Json keys = Json::array();
         for (std::size_t k = 0; k < kiln_level_entity_key_count(l, e); ++k) {
             const char *key = "", *value = "";

@@ -19,6 +19,27 @@ struct ObjStage {
 };
 std::span<const ObjStage> obj_stages();
 
+// The triangles of a level, with what both formats ask of their corners.
+class LevelMesh {
+public:
+    struct Corner {
+        Vec3 position; // map units
+        Vec3f normal;
+        Vec2 uv, luxel; // repeats, v down; of a face with a chart
+    };
+    explicit LevelMesh(const kiln_level* level); // checked
+    std::array<Corner, 3> corners(std::uint32_t face, std::uint32_t triangle) const; // the face's triangle of that number
+    std::span<const kiln_face> faces;
+    const kiln_chart* charts = nullptr;
+
+private:
+    const kiln_level* level_;
+    double step_ = 1;
+    const std::int32_t* grid_ = nullptr;
+    const std::uint32_t* triangles_ = nullptr;
+    const float* normals_ = nullptr;
+};
+
 struct GltfOptions {
     double metres_per_unit = 1.0 / 40;
     std::string name;                       // of the root

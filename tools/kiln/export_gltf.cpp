@@ -123,16 +123,15 @@ std::optional<GltfLight> punctual(const Light& l, const std::string& name, doubl
     return g;
 }
 Json light_extras(const Light& l) {
-    static constexpr const char* kKinds[] = {"point", "spot", "sun", "sky"};
     static constexpr const char* kFalloffs[] = {"polynomial", "linear", "none"};
-    return {{"light", {{"kind", kKinds[static_cast<int>(l.kind)]}, {"intensity", {l.intensity.x, l.intensity.y, l.intensity.z}}, {"falloff", kFalloffs[static_cast<int>(l.falloff)]},
+    return {{"light", {{"kind", kLightKindNames[static_cast<std::size_t>(l.kind)]}, {"intensity", {l.intensity.x, l.intensity.y, l.intensity.z}}, {"falloff", kFalloffs[static_cast<int>(l.falloff)]},
                        {"constant", l.constant}, {"linear", l.linear}, {"quadratic", l.quadratic}, {"range", l.range}, {"fade", {l.fade_start, l.fade_end}},
                        {"cos_inner", l.cos_inner}, {"cos_outer", l.cos_outer}, {"exponent", l.exponent}, {"angular_radius_rad", l.angular_radius_rad}, {"style", l.style}}}};
 }
 
 GltfScene scene_of(const Content& c, const GltfOptions& options) {
     GltfScene s;
-    s.generator = "kiln 0.1.0";
+    s.generator = kVersion;
     Json sky;
     std::map<std::pair<std::uint32_t, bool>, std::uint32_t> material_of;
     const auto material = [&](std::uint32_t m, bool two_sided) {
@@ -234,20 +233,14 @@ GltfScene gltf_of_map(const Compiled& c, const std::vector<Light>& lights, const
     for (const Face& f : s.faces) {
         if (!f.drawn || f.sky) continue;
         Part part{f.material.value, f.model.value, UINT32_MAX, f.two_sided, {}, {}};
-        const Material& m = c.world.materials[f.material.at()];
-        const DocTexture t = f.side.valid() ? c.world.sides[f.side.at()].texture : DocTexture{}; // patches: not asked
         for (std::uint32_t k = f.first_triangle; k < f.first_triangle + f.triangle_count; ++k)
             for (std::size_t corner = 0; corner < 3; ++corner) {
                 const Vec3 x = s.positions[s.triangles[k][corner]], n(s.corner_normals[k][corner]);
                 Frame frame = f.tangent;
                 const bool mirrored = dot(cross(frame.n, frame.t), frame.b) < 0;
                 frame.n = n, frame.t = normalize(frame.t - n * dot(frame.t, n)), frame.b = cross(n, frame.t) * (mirrored ? -1.0 : 1.0);
-                if (f.curved()) {
-                    part.corners.push_back(vertex(s.corner_normals[k][corner], frame, s.curve_corners[k - s.faces[s.first_curved_face].first_triangle][corner].uv));
-                    part.positions.push_back(x);
-                    continue;
-                }
-                part.corners.push_back(vertex(s.corner_normals[k][corner], frame, {(dot(x, t.u_axis) / t.u_scale + t.u_shift) / m.width, (dot(x, t.v_axis) / t.v_scale + t.v_shift) / m.height}));
+                const Vec2 uv = f.curved() ? s.corners_of(k)[corner].uv : texture_uv(c.world.sides[f.side.at()].texture, c.world.materials[f.material.at()], x);
+                part.corners.push_back(vertex(s.corner_normals[k][corner], frame, uv));
                 part.positions.push_back(x);
             }
         content.parts.push_back(std::move(part));
@@ -276,43 +269,29 @@ GltfScene gltf_of_level(const kiln_level* l, const GltfOptions& options) {
         for (std::size_t k = 0; k < 3; ++k) out.reflectance[k] = m.reflectance[k], out.emission[k] = m.emission[k];
         content.materials.push_back(out);
     }
-    const kiln_face* faces = kiln_level_faces(l, &n);
-    const std::int32_t* grid = kiln_level_grid_positions(l, nullptr);
-    const std::uint32_t* corners = kiln_level_triangles(l, nullptr);
-    const float* normals = kiln_level_corner_normals(l, nullptr);
-    const kiln_chart* charts = kiln_level_charts(l, nullptr);
     std::vector<kiln_page> pages(info.pages);
     for (std::uint32_t p = 0; p < info.pages; ++p) {
         kiln_level_page_info(l, p, &pages[p]);
         content.lightmaps.push_back({{"file", options.lightmaps.at(p)}, {"width", pages[p].width}, {"height", pages[p].height}, {"encoding", "linear irradiance"}});
     }
-    const double step = std::ldexp(1.0, -static_cast<int>(info.position_grid_bits));
-    for (std::uint32_t f = 0; f < n; ++f) {
-        const kiln_face& face = faces[f];
+    const LevelMesh mesh(l);
+    for (std::uint32_t f = 0; f < mesh.faces.size(); ++f) {
+        const kiln_face& face = mesh.faces[f];
         if (!(face.flags & KILN_FACE_DRAWN) || (face.flags & KILN_FACE_SKY)) continue;
         Part part{face.material, face.model, UINT32_MAX, (face.flags & KILN_FACE_TWO_SIDED) != 0, {}, {}};
-        const kiln_chart* chart = face.chart == KILN_NO_INDEX ? nullptr : &charts[face.chart];
+        const kiln_chart* chart = face.chart == KILN_NO_INDEX ? nullptr : &mesh.charts[face.chart];
         if (chart) part.page = chart->page;
-        const kiln_curve_corner* curve = kiln_level_curve_corners(l, f, nullptr);
-        for (std::size_t k = 3 * std::size_t{face.first_triangle}; k < 3 * (std::size_t{face.first_triangle} + face.triangle_count); ++k) {
-            const std::int32_t* g = grid + 3 * std::size_t{corners[k]};
-            const Vec3 x = Vec3{static_cast<double>(g[0]), static_cast<double>(g[1]), static_cast<double>(g[2])} * step;
-            const double at[3] = {x.x, x.y, x.z};
-            double uv[2] = {};
-            float t[3], b[3], m[3];
-            const kiln_curve_corner* bend = curve ? &curve[k - 3 * std::size_t{face.first_triangle}] : nullptr;
-            if (bend) uv[0] = bend->uv[0], uv[1] = bend->uv[1];
-            else kiln_level_texture_uv(l, f, at, uv);
-            kiln_level_tangent_frame_at(l, f, at, normals + 3 * k, t, b, m);
-            Vertex v = vertex({normals[3 * k], normals[3 * k + 1], normals[3 * k + 2]}, {{t[0], t[1], t[2]}, {b[0], b[1], b[2]}, {m[0], m[1], m[2]}}, {uv[0], uv[1]});
-            if (chart) {
-                const Vec3 d = x - Vec3{chart->origin[0], chart->origin[1], chart->origin[2]};
-                const double luxel[2] = {bend ? bend->luxel[0] : dot(d, Vec3{chart->s[0], chart->s[1], chart->s[2]}) / chart->luxel_size,
-                                         bend ? bend->luxel[1] : dot(d, Vec3{chart->t[0], chart->t[1], chart->t[2]}) / chart->luxel_size};
-                v.uv1 = {static_cast<float>((chart->page_x + luxel[0]) / pages[chart->page].width), static_cast<float>((chart->page_y + luxel[1]) / pages[chart->page].height)};
+        for (std::uint32_t triangle = 0; triangle < face.triangle_count; ++triangle)
+            for (const LevelMesh::Corner& c : mesh.corners(f, triangle)) {
+                const double at[3] = {c.position.x, c.position.y, c.position.z};
+                const float normal[3] = {c.normal.x, c.normal.y, c.normal.z};
+                float t[3], b[3], m[3];
+                kiln_level_tangent_frame_at(l, f, at, normal, t, b, m);
+                Vertex v = vertex(c.normal, {{t[0], t[1], t[2]}, {b[0], b[1], b[2]}, {m[0], m[1], m[2]}}, c.uv);
+                if (chart)
+                    v.uv1 = {static_cast<float>((chart->page_x + c.luxel.x) / pages[chart->page].width), static_cast<float>((chart->page_y + c.luxel.y) / pages[chart->page].height)};
+                part.corners.push_back(v), part.positions.push_back(c.position);
             }
-            part.corners.push_back(v), part.positions.push_back(x);
-        }
         content.parts.push_back(std::move(part));
     }
     for (std::uint32_t e = 0; e < info.entities; ++e) {

@@ -46,12 +46,13 @@ public:
             const SourceLocation at = location_of(c.world, c.surfaces, id<FaceId>(f));
             p.group = fmt::format("face_{} brush_{} side_{}", f, at.brush, at.side);
             if (face.curved()) {
-                for (const CurveCorner& k : curve_corners(t_number)) p.uv.push_back({k.uv.x, -k.uv.y});
+                for (const CurveCorner& k : c.surfaces.corners_of(t_number)) p.uv.push_back({k.uv.x, -k.uv.y});
                 return;
             }
-            const Material& m = c.world.materials[face.material.at()];
-            const DocTexture& t = c.world.sides[face.side.at()].texture;
-            for (const Vec3& x : p.points) p.uv.push_back({(dot(x, t.u_axis) / t.u_scale + t.u_shift) / m.width, -(dot(x, t.v_axis) / t.v_scale + t.v_shift) / m.height});
+            for (const Vec3& x : p.points) {
+                const Vec2 uv = texture_uv(c.world.sides[face.side.at()].texture, c.world.materials[face.material.at()], x);
+                p.uv.push_back({uv.x, -uv.y});
+            }
         });
         return std::move(out);
     }
@@ -64,7 +65,7 @@ public:
             }
             const Chart& h = c.surfaces.charts[face.chart.at()];
             for (std::size_t k = 0; k < 3; ++k) {
-                const Vec2 l = face.curved() ? curve_corners(t)[k].luxel : luxel_from_world(c.surfaces, id<FaceId>(f), p.points[k]);
+                const Vec2 l = face.curved() ? c.surfaces.corners_of(t)[k].luxel : luxel_from_world(c.surfaces, id<FaceId>(f), p.points[k]);
                 p.uv.push_back({l.x / h.width, 1 - l.y / h.height});
             }
             p.group = fmt::format("chart_{}", face.chart.value);
@@ -79,16 +80,10 @@ private:
         if (!e.valid()) return "none";
         return fmt::format("entity_{}_{}", c.world.entities[e.at()].id, c.world.entities[e.at()].get("classname", "none"));
     }
-    const std::array<CurveCorner, 3>& curve_corners(std::size_t triangle) const {
-        return c.surfaces.curve_corners[triangle - c.surfaces.faces[c.surfaces.first_curved_face].first_triangle];
-    }
     EntityId entity_of(const Face& face) const {
         return face.side.valid() || !face.curved() ? entity_of(face.side) : c.world.patches[c.surfaces.curves[face.curve].source].entity;
     }
-    EntityId entity_of(SideId side) const {
-        const auto after = std::ranges::upper_bound(c.world.brushes, side.value, {}, &WorldBrush::first_side);
-        return std::prev(after)->entity;
-    }
+    EntityId entity_of(SideId side) const { return c.world.brushes[c.world.brush_of(side).at()].entity; }
     void add(SideId side, std::vector<Vec3> polygon, const char* more = "") {
         const SourceLocation at = c.world.location(side);
         out.polygons.push_back({object(entity_of(side)), fmt::format("brush_{} side_{}{}", at.brush, at.side, more), c.world.materials[c.world.sides[side.at()].material.at()].name,
@@ -135,43 +130,20 @@ private:
     const kiln_level* l;
 
     ObjExport triangles(bool of_charts) {
-        kiln_info info{};
-        kiln_level_info(l, &info);
-        std::size_t n = 0;
-        const kiln_face* faces = kiln_level_faces(l, &n);
-        const std::int32_t* grid = kiln_level_grid_positions(l, nullptr);
-        const std::uint32_t* corners = kiln_level_triangles(l, nullptr);
-        const float* normals = kiln_level_corner_normals(l, nullptr);
-        const kiln_chart* charts = kiln_level_charts(l, nullptr);
-        for (std::uint32_t f = 0; f < n; ++f) {
-            if (of_charts && faces[f].chart == KILN_NO_INDEX) continue;
+        const LevelMesh mesh(l);
+        for (std::uint32_t f = 0; f < mesh.faces.size(); ++f) {
+            const kiln_face& face = mesh.faces[f];
+            if (of_charts && face.chart == KILN_NO_INDEX) continue;
             kiln_source source{-1, -1, -1, 0};
             kiln_level_face_source(l, f, &source); // stripped: unknown
-            const kiln_curve_corner* curve = kiln_level_curve_corners(l, f, nullptr);
-            for (std::size_t t = faces[f].first_triangle; t < std::size_t{faces[f].first_triangle} + faces[f].triangle_count; ++t) {
+            for (std::uint32_t t = 0; t < face.triangle_count; ++t) {
                 ObjPolygon p;
-                p.object = fmt::format("model_{}", faces[f].model), p.material = out.materials[faces[f].material].name;
-                p.group = of_charts ? fmt::format("chart_{}", faces[f].chart) : fmt::format("face_{} brush_{} side_{}", f, source.brush, source.side);
-                for (std::size_t k = 0; k < 3; ++k) {
-                    const std::int32_t* g = grid + 3 * std::size_t{corners[3 * t + k]};
-                    const Vec3 x = Vec3{static_cast<double>(g[0]), static_cast<double>(g[1]), static_cast<double>(g[2])} * std::ldexp(1.0, -static_cast<int>(info.position_grid_bits));
-                    p.points.push_back(x);
-                    const float* m = normals + 9 * t + 3 * k;
-                    p.normals.push_back({m[0], m[1], m[2]});
-                    double uv[2] = {};
-                    if (curve) {
-                        const kiln_curve_corner& at = curve[3 * (t - faces[f].first_triangle) + k];
-                        if (of_charts) uv[0] = at.luxel[0] / charts[faces[f].chart].width, uv[1] = at.luxel[1] / charts[faces[f].chart].height - 1;
-                        else uv[0] = at.uv[0], uv[1] = at.uv[1];
-                    } else if (of_charts) {
-                        const kiln_chart& c = charts[faces[f].chart];
-                        const Vec3 d = x - Vec3{c.origin[0], c.origin[1], c.origin[2]};
-                        uv[0] = dot(d, Vec3{c.s[0], c.s[1], c.s[2]}) / c.luxel_size / c.width, uv[1] = dot(d, Vec3{c.t[0], c.t[1], c.t[2]}) / c.luxel_size / c.height - 1;
-                    } else {
-                        const double at[3] = {x.x, x.y, x.z};
-                        kiln_level_texture_uv(l, f, at, uv);
-                    }
-                    p.uv.push_back({uv[0], -uv[1]});
+                p.object = fmt::format("model_{}", face.model), p.material = out.materials[face.material].name;
+                p.group = of_charts ? fmt::format("chart_{}", face.chart) : fmt::format("face_{} brush_{} side_{}", f, source.brush, source.side);
+                for (const LevelMesh::Corner& c : mesh.corners(f, t)) {
+                    p.points.push_back(c.position), p.normals.push_back(Vec3(c.normal));
+                    if (of_charts) p.uv.push_back({c.luxel.x / mesh.charts[face.chart].width, 1 - c.luxel.y / mesh.charts[face.chart].height});
+                    else p.uv.push_back({c.uv.x, -c.uv.y});
                 }
                 out.polygons.push_back(std::move(p));
             }
@@ -190,6 +162,43 @@ constexpr ObjStage kStages[] = {
 };
 
 } // namespace
+
+LevelMesh::LevelMesh(const kiln_level* level) : level_(level) {
+    kiln_info info{};
+    kiln_level_info(level, &info);
+    step_ = std::ldexp(1.0, -static_cast<int>(info.position_grid_bits));
+    std::size_t n = 0;
+    const kiln_face* f = kiln_level_faces(level, &n);
+    faces = {f, n};
+    charts = kiln_level_charts(level, nullptr);
+    grid_ = kiln_level_grid_positions(level, nullptr), triangles_ = kiln_level_triangles(level, nullptr), normals_ = kiln_level_corner_normals(level, nullptr);
+}
+std::array<LevelMesh::Corner, 3> LevelMesh::corners(std::uint32_t f, std::uint32_t triangle) const {
+    const kiln_face& face = faces[f];
+    const kiln_curve_corner* curve = kiln_level_curve_corners(level_, f, nullptr);
+    std::array<Corner, 3> out;
+    for (std::size_t k = 0; k < 3; ++k) {
+        Corner& c = out[k];
+        const std::size_t at = 3 * (std::size_t{face.first_triangle} + triangle) + k;
+        const std::int32_t* g = grid_ + 3 * std::size_t{triangles_[at]};
+        c.position = Vec3{static_cast<double>(g[0]), static_cast<double>(g[1]), static_cast<double>(g[2])} * step_;
+        c.normal = {normals_[3 * at], normals_[3 * at + 1], normals_[3 * at + 2]};
+        if (curve) {
+            const kiln_curve_corner& bend = curve[3 * std::size_t{triangle} + k];
+            c.uv = {bend.uv[0], bend.uv[1]}, c.luxel = {bend.luxel[0], bend.luxel[1]};
+            continue;
+        }
+        const double x[3] = {c.position.x, c.position.y, c.position.z};
+        double uv[2] = {};
+        kiln_level_texture_uv(level_, f, x, uv);
+        c.uv = {uv[0], uv[1]};
+        if (face.chart == KILN_NO_INDEX) continue;
+        const kiln_chart& h = charts[face.chart];
+        const Vec3 d = c.position - Vec3{h.origin[0], h.origin[1], h.origin[2]};
+        c.luxel = {dot(d, Vec3{h.s[0], h.s[1], h.s[2]}) / h.luxel_size, dot(d, Vec3{h.t[0], h.t[1], h.t[2]}) / h.luxel_size};
+    }
+    return out;
+}
 
 std::span<const ObjStage> obj_stages() { return kStages; }
 

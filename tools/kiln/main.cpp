@@ -73,7 +73,7 @@ int main(int argc, char** argv) {
     std::signal(SIGXFSZ, SIG_IGN); // a file that may not grow is a write error with a message, not a death
     CLI::App app("kiln: compiles and lights brush levels", "kiln");
     app.formatter(std::make_shared<ExamplesFirst>()); // the commands inherit it
-    app.set_version_flag("--version", "kiln 0.1.0");
+    app.set_version_flag("--version", kVersion);
     app.footer(kExamples);
     app.require_subcommand(1);
     app.get_formatter()->column_width(34);

@@ -94,9 +94,7 @@ Command verify_command(CLI::App& app) {
         if (is_level(*bytes)) {
             verify_level(*bytes, o->bake.map, o->verify, checker);
         } else {
-            Stage last = Stage::surfaces;
-            for (std::size_t i = 0; i < kStageNames.size(); ++i)
-                if (o->until == kStageNames[i]) last = static_cast<Stage>(i);
+            const Stage last = stage_named(o->until).value_or(Stage::surfaces);
             const bool leaks_allowed = std::exchange(o->bake.compile.bsp.allow_leaks, true); // what leaks is checked too
             code = compile_map(o->bake, console, context, last, c);
             if (code == static_cast<int>(Exit::input)) return code; // there is nothing to look at
