@@ -61,29 +61,44 @@ std::string report_json(const Compiled& c, const Context& context) {
     return j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
-// What editors load (formats/portal_file/FORMAT.md): NAME.pts and .lin of the first leak, an empty .pts and no .lin of a sealed
-// world; NAME.leak2 and so on of further ones, NAME.areaportal12 where brush 12 of a func_areaportal parts nothing.
-// Those of an earlier build that are no longer true go.
-Result<bool> write_trails(const std::string& stem, const Compiled& c) {
-    std::map<std::string, std::span<const Vec3>> trails; // by what follows the stem
+// What editors load (formats/portal_file/FORMAT.md), by what follows the stem of the level's name: of the first leak nothing,
+// of further ones ".leak2" and so on, of brush 12 of a func_areaportal that parts nothing ".areaportal12".
+std::map<std::string, std::span<const Vec3>> trails_of(const Compiled& c) {
+    std::map<std::string, std::span<const Vec3>> trails;
     for (std::size_t i = 0; i < c.leaks.size(); ++i) trails[i == 0 ? "" : fmt::format(".leak{}", i + 1)] = c.leaks[i].path;
     for (const AreaPortal& p : c.bsp.area_portals)
         if (!p.leak.empty()) trails[fmt::format(".areaportal{}", c.world.brushes[p.brush.at()].id)] = p.leak;
-    const std::filesystem::path at(stem);
-    const std::filesystem::path folder = at.has_parent_path() ? at.parent_path() : std::filesystem::path(".");
+    return trails;
+}
+
+// Files beside the level that an earlier build left as trails of it. A map of its own called NAME.leak2 has its own.
+std::vector<std::filesystem::path> old_trails(const std::filesystem::path& stem) {
+    std::vector<std::filesystem::path> found;
     const std::regex ours(R"((\.(leak|areaportal)\d+)?\.(pts|lin))");
+    const std::string name = stem.filename().string();
+    std::error_code failed;
+    std::filesystem::directory_iterator it(stem.has_parent_path() ? stem.parent_path() : ".", failed), end;
+    for (; !failed && it != end; it.increment(failed)) {
+        const std::filesystem::path file = it->path();
+        const std::string other = file.filename().string();
+        if (!other.starts_with(name) || !std::regex_match(other.substr(name.size()), ours)) continue;
+        std::error_code ignored;
+        const auto of_a_map = [&](const char* ending) { return file.stem() != stem.filename() && std::filesystem::exists(std::filesystem::path(file).replace_extension(ending), ignored); };
+        if (it->is_regular_file(ignored) && !of_a_map(".vmf") && !of_a_map(".map")) found.push_back(file);
+    }
+    return found;
+}
+
+// The trails that hold now, an empty .pts of a sealed world, and none that do not hold any more.
+Result<bool> write_trails(const std::string& stem, const Compiled& c) {
+    std::map<std::filesystem::path, std::string> files;
+    for (const auto& [name, path] : trails_of(c)) files[stem + name + ".pts"] = write_pts(path), files[stem + name + ".lin"] = write_lin(path);
+    if (c.leaks.empty()) files[stem + ".pts"];
     std::error_code ignored;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
-        const std::string name = entry.path().filename().string(), stem_name = at.filename().string();
-        if (!name.starts_with(stem_name) || !std::regex_match(name.substr(stem_name.size()), ours)) continue;
-        if (!trails.contains(name.substr(stem_name.size(), name.size() - stem_name.size() - 4))) std::filesystem::remove(entry.path(), ignored);
-    }
-    if (c.leaks.empty())
-        if (auto r = write_file(stem + ".pts", std::string()); !r) return r;
-    for (const auto& [name, path] : trails) {
-        if (auto r = write_file(stem + name + ".pts", write_pts(path)); !r) return r;
-        if (auto r = write_file(stem + name + ".lin", write_lin(path)); !r) return r;
-    }
+    for (const std::filesystem::path& file : old_trails(stem))
+        if (std::ranges::none_of(files, [&](const auto& f) { return f.first.filename() == file.filename(); })) std::filesystem::remove(file, ignored);
+    for (const auto& [file, text] : files)
+        if (auto r = write_file(file.string(), text); !r) return r;
     return true;
 }
 
@@ -129,8 +144,10 @@ Command build_command(CLI::App& app) {
         Compiled c;
         int code = compile_map(o->bake, console, context, last, c);
 
-        const auto write = [&](const Result<bool>& written) {
-            if (!written && code == 0) code = console.fail(written.fault());
+        const auto write = [&](const Result<bool>& written) { // what failed before decides the code
+            if (written) return;
+            const int failed = console.fail(written.fault());
+            if (code == 0) code = failed;
         };
         if (last >= Stage::bsp && (code == 0 || c.leak)) {
             write(write_trails(stem, c));

@@ -160,13 +160,15 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     EXPECT_NE(text_of(w.path("out.leak2.pts")), text_of(w.path("out.pts")));
     w.write("out.leak2.txt", "of somebody else");
     w.write("outer.leak2.pts", "of another map");
+    w.write("out.leak7.map", world("")), w.write("out.leak7.pts", "of the map of that name");
+    std::filesystem::create_directory(w.path("out.leak9.pts"));
     o = build(w, w.write("leak.map", world(room_at(0, true) + room_at(500, true)) + things));
     EXPECT_EQ(o.code, 0) << o.said;
     EXPECT_TRUE(says(o, "[areaportal-leak]")) << o.said;
     EXPECT_FALSE(w.has("out.leak2.pts"));
     EXPECT_FALSE(w.has("out.leak2.lin"));
     EXPECT_TRUE(w.has("out.leak2.txt"));
-    EXPECT_TRUE(w.has("outer.leak2.pts"));
+    for (const char* name : {"outer.leak2.pts", "out.leak7.pts", "out.leak9.pts"}) EXPECT_TRUE(w.has(name)) << name;
     EXPECT_EQ(text_of(w.path("out.pts")), "");
     std::string portal; // named after the brush, as the message names it
     for (const std::string& name : w.files())
@@ -176,6 +178,17 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     std::size_t lines = 0;
     for (std::string line; std::getline(corners, line);) ++lines;
     EXPECT_GT(lines, 2u);
+}
+
+TEST(Cli, ATrailThatCannotBeWrittenIsToldAndTheLeakStillDecides) {
+    const Workplace w;
+    std::string brushes = room(128, 96, 80);
+    brushes = brushes.substr(brushes.find("}\n") + 2); // no floor
+    std::filesystem::create_directory(w.path("out.pts"));
+    const Outcome o = build(w, w.write("leak.map", world(brushes) + entity("info_player_start", 32, 32, 24)), {"--leak-test"});
+    EXPECT_EQ(o.code, 4) << o.said;
+    EXPECT_TRUE(says(o, "[leak]"));
+    EXPECT_TRUE(says(o, "out.pts: error")) << o.said;
 }
 
 TEST(Cli, MissingOrBrokenMaterialFiles) {
