@@ -158,7 +158,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     const Hash geometry = geometry_key(world), places = places_key(world);
     if (done(Stage::world)) return true;
 
-    const auto csg = stages.run(Stage::csg, 2, all(geometry, options.csg), places, out.csg,
+    const auto csg = stages.run(Stage::csg, 3, all(geometry, options.csg), places, out.csg,
                                 [&] { return build_csg(world, options.csg, context); });
     if (!csg) return csg.fault();
     if (done(Stage::csg)) return true;

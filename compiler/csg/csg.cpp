@@ -135,7 +135,7 @@ void report_moves(const World& world, const CsgReport& r, Context& context) {
                        world.location(r.largest_rounding_side));
     if (r.merged_planes)
         context.report(Severity::note, "planes-merged",
-                       fmt::format("{} sides were moved onto planes they all but lay in, by at most {:.3g} map units over a "
+                       fmt::format("{} sides were moved onto planes of others they all but lay in, or of whole map units, by at most {:.3g} map units over a "
                                    "face; {} brushes were left as they are lest they lose a side",
                                    r.merged_planes, r.largest_move, r.kept_brushes),
                        world.location(r.largest_move_brush));
@@ -181,11 +181,12 @@ Result<Csg> build_csg(const World& world, const CsgOptions& options, Context& co
 
     compare_with_editor(world, csg, context); // before planes are merged: that moves corners on purpose
 
-    std::vector<char> integral(world.sides.size());
-    for (std::size_t s = 0; s < integral.size(); ++s) integral[s] = input[s].integral;
+    std::vector<char> integral(world.sides.size()), rounded(world.sides.size());
+    for (std::size_t s = 0; s < integral.size(); ++s) integral[s] = input[s].integral, rounded[s] = input[s].rounded;
     const double tolerance = options.plane_merge_distance;
     const auto near = find_near(csg.brushes, tolerance, context);
-    apply_merge(csg, merge_planes(csg.planes, csg.brushes, near, integral, tolerance, context), tolerance, context);
+    const std::vector<PlaneId> whole = planes_on_whole_units(csg.planes, csg.brushes, rounded, tolerance, context);
+    apply_merge(csg, merge_planes(csg.planes, csg.brushes, near, integral, whole, tolerance, context), tolerance, context);
     report_moves(world, csg.report, context);
 
     csg.fragments = cut_fragments(world, csg.planes, csg.brushes, near, context);

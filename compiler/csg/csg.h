@@ -14,7 +14,7 @@
 namespace kiln {
 
 struct CsgOptions {
-    double plane_merge_distance = 1.0 / 64; // map units: planes that close over the moved face's extents become one
+    double plane_merge_distance = 1.0 / 32; // map units: planes that close over the moved face's extents become one
     int grid_bits = 10;                     // finest input grid 2^-bits; coarser where the map allows
     template <class A> void fields(A& a) { a(plane_merge_distance, grid_bits); }
 };

@@ -27,6 +27,22 @@ bool in_range(const GridPoint& g) {
     return true;
 }
 
+} // namespace
+
+std::array<std::size_t, 3> far_apart(std::span<const Vec3> face) {
+    std::size_t a = 0, b = 0, c = 0;
+    double best = -1;
+    for (std::size_t i = 0; i < face.size(); ++i)
+        for (std::size_t j = i + 1; j < face.size(); ++j)
+            if (const Vec3 e = face[j] - face[i]; dot(e, e) > best) best = dot(e, e), a = i, b = j;
+    best = -1;
+    for (std::size_t i = 0; i < face.size(); ++i)
+        if (const Vec3 x = cross(face[b] - face[a], face[i] - face[a]); dot(x, x) > best) best = dot(x, x), c = i;
+    return {a, b, c};
+}
+
+namespace {
+
 // Largest distance of the points from the plane, map units; grid units inside.
 double distance_over(const ExactPlane& plane, std::span<const Vec3> face, int bits) {
     // About a point of the face itself: the plane's distance from the origin is too coarse a number in doubles.
@@ -46,14 +62,7 @@ double distance_over(const ExactPlane& plane, std::span<const Vec3> face, int bi
 
 // The plane through three far apart corners of a face, each put on the grid.
 std::optional<ExactPlane> through_corners(std::span<const Vec3> face, Vec3 normal, int bits) {
-    std::size_t a = 0, b = 0, c = 0;
-    double best = -1;
-    for (std::size_t i = 0; i < face.size(); ++i)
-        for (std::size_t j = i + 1; j < face.size(); ++j)
-            if (const Vec3 e = face[j] - face[i]; dot(e, e) > best) best = dot(e, e), a = i, b = j;
-    best = -1;
-    for (std::size_t i = 0; i < face.size(); ++i)
-        if (const Vec3 x = cross(face[b] - face[a], face[i] - face[a]); dot(x, x) > best) best = dot(x, x), c = i;
+    const auto [a, b, c] = far_apart(face);
     GridPoint p = snap(face[a], bits), q = snap(face[b], bits), r = snap(face[c], bits);
     if (!in_range(p) || !in_range(q) || !in_range(r)) return std::nullopt;
     if (dot(cross(face[c] - face[a], face[b] - face[a]), normal) < 0) std::swap(q, r);

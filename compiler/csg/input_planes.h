@@ -1,6 +1,8 @@
 // Private: from decimal plane points to integer planes.
 #pragma once
 #include "compiler/csg/csg.h"
+#include <array>
+#include <span>
 #include <vector>
 
 namespace kiln::csg_detail {
@@ -18,5 +20,8 @@ struct InputSide {
 };
 // Parallel to world.sides.
 std::vector<InputSide> read_planes(const World& world, int grid_bits, Context& context);
+
+// The two corners of a face furthest from each other, and the one furthest from their line.
+std::array<std::size_t, 3> far_apart(std::span<const Vec3> face);
 
 } // namespace kiln::csg_detail

@@ -2,15 +2,17 @@
 // it, then the faces around those, and so on. A face is claimed once and its distance is always measured from where
 // the map put it, so chains of almost equal planes cannot drag a face further than the tolerance.
 #include "compiler/csg/merge_planes.h"
+#include "compiler/csg/input_planes.h"
 #include "libs/parallel/parallel.h"
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 namespace kiln::csg_detail {
 namespace {
 
-// Sine of the angle beyond which two planes are two by design: a face of a map unit's width whose edges are each off
-// by 1/64 tilts by 1/32.
+// Sine of the angle beyond which two planes are two by design: a face two map units wide whose edges are off by 1/32
+// both ways tilts by 1/32.
 constexpr double kMaxTilt = 1.0 / 32;
 
 struct Face {
@@ -45,11 +47,73 @@ double area_of(const std::vector<Vec3>& p) {
 
 bool is_axial(const ExactPlane& p) { return (p.a != 0) + (p.b != 0) + (p.c != 0) == 1; }
 
+// Of the corners only the coordinates along `axes` are asked to be whole; along the others the plane runs on, so that
+// they do not matter.
+std::optional<ExactPlane> on_whole_units(const std::vector<Vec3>& corners, Vec3 normal, std::array<bool, 3> axes, int grid_bits, double tolerance) {
+    std::vector<Vec3> whole(corners.size());
+    for (std::size_t i = 0; i < corners.size(); ++i)
+        for (std::size_t k = 0; k < 3; ++k) {
+            if (!axes[k]) continue;
+            whole[i][k] = std::round(corners[i][k]);
+            if (std::fabs(corners[i][k] - whole[i][k]) > tolerance) return std::nullopt;
+        }
+    // Two or three corners and the directions in which the plane runs on span it.
+    std::array<Vec3, 3> spanning;
+    const std::array<std::size_t, 3> far = far_apart(whole);
+    for (std::size_t i = 0; i < 3; ++i) spanning[i] = whole[far[i]];
+    std::size_t next = static_cast<std::size_t>(std::ranges::count(axes, true));
+    for (std::size_t k = 0; k < 3; ++k)
+        if (!axes[k]) spanning[next] = spanning[0], spanning[next++][k] += 1024;
+    if (dot(cross(spanning[2] - spanning[0], spanning[1] - spanning[0]), normal) < 0) std::swap(spanning[1], spanning[2]);
+    const auto on_grid = [&](const Vec3& p) {
+        GridPoint g;
+        for (std::size_t k = 0; k < 3; ++k) g[k] = std::llround(p[k]) << grid_bits;
+        return g;
+    };
+    const std::optional<ExactPlane> plane = plane_through(on_grid(spanning[0]), on_grid(spanning[1]), on_grid(spanning[2]));
+    if (!plane) return std::nullopt;
+    for (const Vec3& p : whole) {
+        const GridPoint g = on_grid(p);
+        if (static_cast<__int128>(plane->a) * g[0] + static_cast<__int128>(plane->b) * g[1] + static_cast<__int128>(plane->c) * g[2] != plane->d)
+            return std::nullopt;
+    }
+    return plane;
+}
+
+// The simplest first: along two axes, along the one it is nearest to, along none.
+std::optional<ExactPlane> on_whole_units(const std::vector<Vec3>& corners, Vec3 normal, int grid_bits, double tolerance) {
+    std::array<std::size_t, 3> by_size{0, 1, 2}; // the axes, the one most across the plane first
+    std::ranges::sort(by_size, [&](std::size_t i, std::size_t j) { return std::fabs(normal[i]) > std::fabs(normal[j]); });
+    std::array<bool, 3> axes{};
+    for (const std::size_t k : by_size) {
+        axes[k] = true;
+        const std::optional<ExactPlane> plane = on_whole_units(corners, normal, axes, grid_bits, tolerance);
+        if (plane) return plane;
+    }
+    return std::nullopt;
+}
+
 } // namespace
 
+std::vector<PlaneId> planes_on_whole_units(PlaneTable& planes, const std::vector<BrushPolytope>& brushes,
+                                           const std::vector<char>& rounded, double tolerance, Context& context) {
+    std::vector<std::optional<ExactPlane>> found(rounded.size());
+    if (tolerance > 0)
+        parallel_for(context, brushes.size(), [&](std::size_t b) {
+            for (std::size_t f = 0; f < brushes[b].faces.size(); ++f)
+                if (const std::size_t s = brushes[b].sides[f].at(); rounded[s])
+                    found[s] = on_whole_units(points(planes, brushes[b].faces[f]), planes.normal(brushes[b].faces[f].support),
+                                              planes.grid_bits, tolerance);
+        });
+    std::vector<PlaneId> result(rounded.size());
+    for (std::size_t s = 0; s < found.size(); ++s)
+        if (found[s]) result[s] = planes.add(*found[s]);
+    return result;
+}
+
 std::vector<MergedSide> merge_planes(const PlaneTable& planes, const std::vector<BrushPolytope>& brushes,
-                                     const std::vector<std::vector<std::uint32_t>>& near,
-                                     const std::vector<char>& integral, double tolerance, Context& context) {
+                                     const std::vector<std::vector<std::uint32_t>>& near, const std::vector<char>& integral,
+                                     const std::vector<PlaneId>& whole, double tolerance, Context& context) {
     std::vector<MergedSide> result(integral.size());
     std::vector<Face> faces;
     std::vector<std::uint32_t> first_face(brushes.size() + 1, 0);
@@ -131,23 +195,62 @@ std::vector<MergedSide> merge_planes(const PlaneTable& planes, const std::vector
         int rank = 3;
         double area = 0;
         std::uint32_t plane = 0; // id / 2
-        std::vector<std::uint32_t> faces;
+        std::vector<std::uint32_t> faces;   // that lie in it
+        std::vector<std::uint32_t> claimed; // that would if their corners were where they were drawn
     };
     std::vector<Candidate> candidates(planes.planes.size() / 2);
     bool any = false;
     for (std::size_t i = 0; i < faces.size(); ++i) {
         Candidate& c = candidates[faces[i].plane.value / 2];
         const ExactPlane& p = planes.planes[faces[i].plane.at()];
-        const bool whole = integral[faces[i].side.at()];
-        c.rank = std::min(c.rank, is_axial(p) ? (whole ? 0 : 1) : (whole ? 2 : 3));
+        const bool on_units = integral[faces[i].side.at()];
+        c.rank = std::min(c.rank, is_axial(p) ? (on_units ? 0 : 1) : (on_units ? 2 : 3));
         c.area += faces[i].area;
         c.faces.push_back(static_cast<std::uint32_t>(i));
         for (const std::uint32_t j : neighbours[i])
             any = any || near_plane(faces[j], faces[i].plane);
     }
+    // Faces that touch in all but one plane are a sheet: it goes where it was drawn as a whole, or not at all, lest that
+    // tear what fits.
+    std::vector<std::uint32_t> sheet;
+    std::vector<char> in_sheet(faces.size(), 0);
+    std::set<std::pair<std::uint32_t, std::uint32_t>> stays; // planes (id / 2) and faces of sheets that do not all go there
+    const Vec3 touch = Vec3{1, 1, 1} * (kClose * tolerance);
+    for (std::uint32_t i = 0; i < faces.size(); ++i) {
+        const PlaneId drawn = whole[faces[i].side.at()];
+        if (!drawn.valid() || drawn == faces[i].plane) continue;
+        sheet.assign(1, i), in_sheet[i] = 1;
+        bool all = near_plane(faces[i], drawn);
+        for (std::size_t at = 0; all && at < sheet.size(); ++at) {
+            const Face& face = faces[sheet[at]];
+            const Box3 around{face.box.lo - touch, face.box.hi + touch};
+            for (const std::uint32_t b : near[face.brush]) {
+                if (!overlap(brushes[b].bounds, around)) continue;
+                for (std::uint32_t j = first_face[b]; all && j < first_face[b + 1]; ++j) {
+                    if (in_sheet[j] || !overlap(faces[j].box, around) || !(near_plane(faces[j], face.plane) || near_plane(face, faces[j].plane))) continue;
+                    all = near_plane(faces[j], drawn) && !stays.contains({drawn.value / 2, j});
+                    sheet.push_back(j), in_sheet[j] = 1;
+                }
+            }
+        }
+        for (const std::uint32_t j : sheet) {
+            in_sheet[j] = 0;
+            if (!all) stays.insert({drawn.value / 2, j});
+        }
+        if (!all) continue;
+        Candidate& d = candidates[drawn.value / 2];
+        d.rank = std::min(d.rank, is_axial(planes.planes[drawn.at()]) ? 0 : 2);
+        d.claimed.insert(d.claimed.end(), sheet.begin(), sheet.end());
+        any = true;
+    }
     if (!any) return result;
+    for (Candidate& d : candidates) {
+        std::ranges::sort(d.claimed);
+        d.claimed.erase(std::unique(d.claimed.begin(), d.claimed.end()), d.claimed.end());
+        for (const std::uint32_t i : d.claimed) d.area += faces[i].area;
+    }
     for (std::size_t p = 0; p < candidates.size(); ++p) candidates[p].plane = static_cast<std::uint32_t>(p);
-    std::erase_if(candidates, [](const Candidate& c) { return c.faces.empty(); });
+    std::erase_if(candidates, [](const Candidate& c) { return c.faces.empty() && c.claimed.empty(); });
     std::sort(candidates.begin(), candidates.end(), [](const Candidate& x, const Candidate& y) {
         if (x.rank != y.rank) return x.rank < y.rank;
         if (x.area != y.area) return x.area > y.area;
@@ -158,25 +261,23 @@ std::vector<MergedSide> merge_planes(const PlaneTable& planes, const std::vector
     std::vector<std::uint32_t> queue;
     for (const Candidate& c : candidates) {
         queue.clear();
+        const auto claim = [&](std::uint32_t j) {
+            const PlaneId plane{c.plane * 2};
+            if (claimed[j] || faces[j].plane.value / 2 == c.plane || !near_plane(faces[j], plane)) return;
+            // A thin brush must not get the same plane on two sides.
+            for (std::uint32_t k = first_face[faces[j].brush]; k < first_face[faces[j].brush + 1]; ++k)
+                if (k != j && result[faces[k].side.at()].plane.value / 2 == c.plane) return;
+            claimed[j] = 1;
+            const bool same = dot(measure[plane.at()].normal, measure[faces[j].plane.at()].normal) > 0;
+            result[faces[j].side.at()] = {same ? plane : flipped(plane), measure[plane.at()].over(faces[j].points)};
+            queue.push_back(j);
+        };
         for (const std::uint32_t i : c.faces)
             if (!claimed[i]) claimed[i] = 1, queue.push_back(i);
-        if (queue.empty()) continue; // all of its faces lie on simpler planes now
-        for (std::size_t at = 0; at < queue.size(); ++at) {
-            for (const std::uint32_t j : neighbours[queue[at]]) {
-                if (claimed[j] || faces[j].plane.value / 2 == c.plane) continue;
-                const PlaneId plane{c.plane * 2};
-                if (!near_plane(faces[j], plane)) continue;
-                // A thin brush must not get the same plane on two sides.
-                bool taken = false;
-                for (std::uint32_t k = first_face[faces[j].brush]; k < first_face[faces[j].brush + 1]; ++k)
-                    taken = taken || (k != j && result[faces[k].side.at()].plane.value / 2 == c.plane);
-                if (taken) continue;
-                claimed[j] = 1;
-                const bool same = dot(measure[plane.at()].normal, measure[faces[j].plane.at()].normal) > 0;
-                result[faces[j].side.at()] = {same ? plane : flipped(plane), measure[plane.at()].over(faces[j].points)};
-                queue.push_back(j);
-            }
-        }
+        for (const std::uint32_t i : c.claimed) claim(i);
+        // An empty queue: all of its faces lie on simpler planes now.
+        for (std::size_t at = 0; at < queue.size(); ++at)
+            for (const std::uint32_t j : neighbours[queue[at]]) claim(j);
     }
     return result;
 }

@@ -36,7 +36,7 @@ void BakeOptions::add_to(CLI::App& command) {
         ->check(CLI::Range(0.0, 16.0))->type_name("UNITS");
     geometry->add_option("--smooth", compile.surfaces.smoothing_angle_deg, "Edges up to this angle are smooth where no smoothing groups are stated (default 45 in a VMF, else 0)")
         ->check(CLI::Range(0.0, 180.0))->type_name("DEGREES");
-    geometry->add_option("--plane-merge", compile.csg.plane_merge_distance, "Planes that coincide this closely over both faces become one, map units (default 1/64)")
+    geometry->add_option("--plane-merge", compile.csg.plane_merge_distance, "Planes that coincide this closely over both faces become one, map units (default 1/32)")
         ->check(CLI::Range(0.0, 1.0))->type_name("UNITS");
     geometry->add_option("--curve-flatness", compile.surfaces.curve_flatness, "Patches are divided until their triangles lie this close to the curve, map units (default 0.5)")
         ->check(CLI::Range(0.001, 1024.0))->type_name("UNITS");

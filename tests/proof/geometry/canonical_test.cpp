@@ -10,7 +10,7 @@
 namespace kiln::proof {
 namespace {
 
-constexpr double kTolerance = 1.0 / 64; // CsgOptions::plane_merge_distance
+constexpr double kTolerance = 1.0 / 32; // CsgOptions::plane_merge_distance
 
 Geometry open_run(const World& world) {
     RunOptions options;
@@ -74,7 +74,7 @@ World paneled_room(Vec3 at, const std::function<double()>& off) {
 }
 
 constexpr double kFar[] = {0, 16384, 131072 - 1024};
-constexpr double kMismatches[] = {1e-6, 1e-5, 1e-4, 1e-3, 1.0 / 256, 1.0 / 128, 1.0 / 64};
+constexpr double kMismatches[] = {1e-6, 1e-5, 1e-4, 1e-3, 1.0 / 256, 1.0 / 128, 1.0 / 64, 1.0 / 32};
 
 TEST(Canonical, PanelsThatMissEachOther) {
     for (const double far : kFar)
@@ -90,7 +90,7 @@ TEST(Canonical, PanelsThatMissEachOther) {
 
 // Off both ways: planes that should be one differ by up to twice the error.
 TEST(Canonical, PanelsOffBothWays) {
-    for (const double error : {1e-4, 1e-3, 1.0 / 256, 1.0 / 128}) {
+    for (const double error : {1e-4, 1e-3, 1.0 / 256, 1.0 / 128, 1.0 / 64}) {
         SCOPED_TRACE(error);
         Dice dice(12);
         const World rough = paneled_room({}, [&] { return dice.uniform(-error, error); });
@@ -102,7 +102,7 @@ TEST(Canonical, PanelsOffBothWays) {
 // micro-gap, leaks nothing and leaves the hull closed.
 TEST(Canonical, SlitsWiderThanTheTolerance) {
     Dice dice(13);
-    const World rough = paneled_room({}, [&] { return dice.below(2) ? 1.0 / 32 : 0; });
+    const World rough = paneled_room({}, [&] { return dice.below(2) ? 1.0 / 16 : 0; });
     const Geometry g = run(rough);
     ASSERT_FALSE(g.fault);
     EXPECT_FALSE(g.leak);
@@ -265,27 +265,36 @@ TEST(Canonical, TerrainOfTriangularWedges) {
     EXPECT_GE(untouched, 9 * kSeeds / 2); // such a chance is rare
 }
 
+// What is thin by design stays; what is thin because numbers are rounded goes, but for what csg/NOTES.md tells of.
+void expect_fewer_slivers(const World& world, const Geometry& g, bool off_grid) {
+    RunOptions options;
+    options.csg.plane_merge_distance = 0, options.last = "csg";
+    const Slivers literal = slivers(run(world, options).csg, kTolerance), canonical = slivers(g.csg, kTolerance);
+    EXPECT_LE(canonical.count, literal.count);
+    EXPECT_LE(canonical.area, off_grid ? literal.area / 4 : literal.area);
+}
+
 // Sealed by the compilers of their makers (PROVENANCE shows clusters or a .prt), so sealed here.
 TEST(Canonical, MapsThatTheirMakersCompilerSealed) {
     struct Case {
         const char* path;
-        std::size_t gaps;    // taken as closed: where the map leaves a crack by design
-        std::size_t slivers; // at most: fragments narrower than the tolerance, where planes that should meet in a line do not
+        std::size_t gaps; // taken as closed: where the map leaves a crack by design
+        bool off_grid;    // much of it
     };
-    // Measured: box13 has 91 slivers among 11,641 fragments (0.003 % of the area), the bunker 27 among 1,944.
-    for (const Case& c : {Case{"laurirasanen-mapsrc/box13.vmf", 0, 100}, Case{"athwale-hammer/lambda_bunker_v2.vmf", 1, 30},
-                          Case{"athwale-hammer/skybox.vmf", 0, 0}, Case{"bagnaram-halflife-maps/racetrak.vmf", 0, 1}}) {
+    for (const Case& c : {Case{"laurirasanen-mapsrc/box13.vmf", 0, true}, Case{"athwale-hammer/lambda_bunker_v2.vmf", 1, true},
+                          Case{"athwale-hammer/skybox.vmf", 0, false}, Case{"bagnaram-halflife-maps/racetrak.vmf", 0, false}}) {
         const auto path = shared_map(c.path);
         if (!path) GTEST_SKIP() << c.path << " is not here";
         SCOPED_TRACE(c.path);
         Context context;
-        const Geometry g = run(with_large_luxels(*load_world(*path, context)));
+        const World world = with_large_luxels(*load_world(*path, context));
+        const Geometry g = run(world);
         ASSERT_FALSE(g.fault);
         EXPECT_FALSE(g.leak);
         EXPECT_EQ(g.count("micro-gap"), c.gaps);
         EXPECT_EQ(g.csg.report.invalid_brushes, 0u);
         EXPECT_EQ(unmatched_hull_edges(g.surfaces), 0u);
-        EXPECT_LE(slivers(g.csg, kTolerance).count, c.slivers);
+        expect_fewer_slivers(world, g, c.off_grid);
     }
 }
 
@@ -307,10 +316,6 @@ TEST(Canonical, EyeOfHorus) {
     EXPECT_EQ(g.csg.report.invalid_brushes, 0u);
     EXPECT_TRUE(closure(g.world, g.csg).ok());
     EXPECT_EQ(unmatched_hull_edges(g.surfaces), 0u);
-    // Sloping quads throughout: measured 124 strips of 2.8 square units in all, of 533 fragments; 0.01 unit the widest.
-    const Slivers s = slivers(g.csg, kTolerance);
-    EXPECT_LE(s.count, 130u);
-    EXPECT_LE(s.area, 3);
     EXPECT_EQ(g.csg.report.kept_brushes, 0u);
 }
 

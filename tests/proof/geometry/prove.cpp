@@ -90,7 +90,7 @@ bool thin(const std::string& path) {
     for (const Fragment& f : g.csg.fragments) {
         const std::vector<Vec3> p = points(g.csg.planes, f.polygon);
         const double width = polygon_width(p, g.csg.planes.normal(f.polygon.support));
-        auto& [count, area] = by_width[width < 1.0 / 64 ? static_cast<int>(std::floor(std::log10(std::max(width, 1e-12)))) : 0];
+        auto& [count, area] = by_width[width < 1.0 / 32 ? static_cast<int>(std::floor(std::log10(std::max(width, 1e-12)))) : 0];
         ++count, area += polygon_area(p);
     }
     std::printf("%s: thinnest leaf %.3g; fragments", std::filesystem::path(path).filename().c_str(), thinnest_leaf(g.bsp));
