@@ -207,7 +207,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
         if (!built) built = std::make_unique<LightField>(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, out.lighting);
         return *built;
     };
-    const auto ambient = stages.run(Stage::ambient, 1, all(lit, *light, options.ambient), places, out.ambient,
+    const auto ambient = stages.run(Stage::ambient, 2, all(lit, *light, options.ambient), places, out.ambient,
                                     [&] { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context); });
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;

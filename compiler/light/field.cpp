@@ -7,7 +7,6 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 // Directions for kernels that need not fall with the cosine: see HemisphereMap.
 constexpr HemisphereMap kFieldMap{0.6};
-constexpr double kNearLuxels = 1.5;
 constexpr std::uint32_t kTestRays = 16; // towards an emitter, before the bundle is trusted with it
 
 // visit(texel, weight) for the up to four texels between whose centres a point of the chart lies.
@@ -80,6 +79,7 @@ LightField::LightField(const World& world, const Bsp&, const PlaneTable&, const 
                      {},
                      {}}) {
     Data& d = *data_;
+    for (const Chart& c : surfaces.charts) d.near_reach = std::max(d.near_reach, (kNearBounces + 1) * kNearLuxels * c.luxel_size);
     constexpr double inv_pi = 1 / kPi;
     d.patch_reflected.resize(lighting.patches.size());
     for (std::size_t p = 0; p < lighting.patches.size(); ++p)
@@ -131,9 +131,10 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
 void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
                                const Arrival& arrival) const {
     const Data& d = *data_;
-    const PathTracer tracer{d};
     const bool free = normal == Vec3{};
     const Vec3 x = d.origin_at(point, normal);
+    std::optional<NearLights> lights_near; // of x, where a hit asks for them
+    PathTracer tracer{d};
     rays = std::max(rays, 4u);
     const Sobol points(mix(seed, std::uint64_t{22}));
     const Frame frame = free ? Frame{} : frame_around(normal);
@@ -162,8 +163,9 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         } else if (!hits[i]->back) {
             emitter[i] = d.emitter(*hits[i], directions[i]);
             Random random(mix(seed, i, std::uint64_t{25}));
-            radiance[i] = d.is_near(*hits[i]) ? tracer.reflected(*hits[i], directions[i], random, true)
-                                              : d.reflected(*hits[i]);
+            const bool is_near = d.is_near(*hits[i]);
+            if (is_near && !lights_near) lights_near.emplace().build(d, x), tracer.near = &*lights_near;
+            radiance[i] = is_near ? tracer.reflected(*hits[i], directions[i], random, true) : d.reflected(*hits[i]);
             if (emitter[i] != UINT32_MAX) total += d.emitters.emitters[emitter[i]].radiance * (solid[i] * k);
         }
         total += radiance[i] * (solid[i] * k);

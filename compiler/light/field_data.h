@@ -4,6 +4,9 @@
 
 namespace kiln {
 
+constexpr double kNearLuxels = 1.5; // of the lightmap: nearer surfaces are looked at in more detail than it has
+constexpr int kNearBounces = 6;     // in a crevice; then the lightmap will do
+
 struct LightField::Data {
     const World& world;
     const Surfaces& surfaces;
@@ -14,6 +17,7 @@ struct LightField::Data {
     EmitterSet emitters;
     Rgbd sky;
     std::vector<Rgb> texel_reflected, patch_reflected; // radiance
+    double near_reach = 0; // map units: no path leaves a point further than this before the bake answers for it
 
     // Radiance reflected at a hit: the luxel's, or the patch's where a texel is shared by several.
     Rgbd reflected(const SceneHit& hit) const;

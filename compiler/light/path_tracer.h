@@ -29,8 +29,18 @@ struct Choice {
     }
 };
 
+// The light entities for the surfaces around one point: those it sees are likely to shine there, all of them are asked; of
+// the others one, drawn by what it could bring. Asking all of a hundred lamps for a shadow ray at each vertex made up
+// three quarters of the time of ambient cubes.
+struct NearLights {
+    std::vector<std::uint32_t> seen, others;
+    std::vector<double> cumulative; // parallel to others
+    void build(const LightField::Data& d, Vec3 x);
+};
+
 struct PathTracer {
     const LightField::Data& d;
+    const NearLights* near = nullptr; // none: every light is asked
 
     double density_of(const Choice& choice, std::uint32_t e, Vec3 d_to, double cosine) const { // solid angle
         const double p = choice.total() > 0 ? choice.probability(e) : 0;
@@ -56,16 +66,25 @@ struct PathTracer {
         return true;
     }
     // Irradiance from entities at a surface vertex.
+    Rgbd entity(const Light& light, Vec3 x, Vec3 n, Random& random) const {
+        LightSample s;
+        const double a = random(), b = random();
+        if (!sample_light(light, x, n, {a, b}, &s)) return {};
+        if (!(s.distant ? d.scene.reaches_sky(x, s.direction) : !d.scene.occluded(x, s.position))) return {};
+        return s.weight * dot(s.direction, n) + s.ambient;
+    }
     Rgbd entities(Vec3 x, Vec3 n, Random& random) const {
         Rgbd e;
-        for (const Light& light : d.lights) {
-            LightSample s;
-            const double a = random(), b = random();
-            if (!sample_light(light, x, n, {a, b}, &s)) continue;
-            if (!(s.distant ? d.scene.reaches_sky(x, s.direction) : !d.scene.occluded(x, s.position))) continue;
-            e += s.weight * dot(s.direction, n) + s.ambient;
+        if (!near) {
+            for (const Light& light : d.lights) e += entity(light, x, n, random);
+            return e;
         }
-        return e;
+        for (const std::uint32_t i : near->seen) e += entity(d.lights[i], x, n, random);
+        if (near->others.empty()) return e;
+        const double total = near->cumulative.back(), u = random() * total;
+        const auto at = std::min<std::size_t>(static_cast<std::size_t>(std::ranges::upper_bound(near->cumulative, u) - near->cumulative.begin()), near->others.size() - 1);
+        const double share = near->cumulative[at] - (at ? near->cumulative[at - 1] : 0);
+        return e + entity(d.lights[near->others[at]], x, n, random) * (total / share);
     }
     // Radiance reflected at `hit` towards where the ray came from. `cached`: a vertex further than a luxel or two
     // from the one before takes what the bake stored there, and the path ends.

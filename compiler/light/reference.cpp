@@ -8,8 +8,20 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr HemisphereMap kFirstMap{0.6};
 constexpr int kRouletteFrom = 3, kMostBounces = 4096;
-constexpr int kNearBounces = 6; // in a crevice; then the cache will do
 } // namespace
+
+void NearLights::build(const LightField::Data& d, Vec3 x) {
+    seen.clear(), others.clear(), cumulative.clear();
+    double sum = 0;
+    for (std::uint32_t i = 0; i < d.lights.size(); ++i) {
+        const Light& light = d.lights[i];
+        if (light.kind == LightKind::sky) continue;
+        const double bound = light.kind == LightKind::sun ? light_bound(light, x, 0) : light_bound(light, x, std::min(d.near_reach, length(light.position - x) - 1));
+        if (!(bound > 0)) continue;
+        if (light.kind == LightKind::sun ? d.scene.reaches_sky(x, -light.direction) : !d.scene.occluded(x, light.position)) seen.push_back(i);
+        else others.push_back(i), cumulative.push_back(sum += bound);
+    }
+}
 
 Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached) const {
     Rgbd sum, throughput{1, 1, 1};

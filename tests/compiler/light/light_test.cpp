@@ -1,3 +1,4 @@
+#include "compiler/light/path_tracer.h"
 #include "libs/sampling/sobol.h"
 #include "tests/compiler/light/scenes.h"
 #include <gtest/gtest.h>
@@ -202,6 +203,42 @@ TEST(Bake, TwoRoomsAgainstThePathTracer) {
     EXPECT_LT(error, 6);
     EXPECT_LT(b->lighting.error.estimate, 5);
     EXPECT_GT(b->lighting.error.estimate, 0.3 * std::sqrt(std::max(0.0, error * error - 9)));
+}
+
+// Close to a point the field asks all the lights it sees, and of the hidden ones one at a time: on the average nothing changes.
+// Forty lamps at one end of a room, at the other end points behind a plate that hides all or half of them; the wall behind is lit around it.
+TEST(Bake, SomeOfManyLightsStandForAll) {
+    SurfacesBuilder scene;
+    const MaterialId grey = scene.material({0.5f, 0.5f, 0.5f});
+    scene.room({{0, 0, 0}, {256, 128, 96}}, all(grey));
+    scene.rect({236, 52, 36}, {0, 0, 24}, {0, 24, 0}, grey);
+    scene.rect({236, 52, 36}, {0, 24, 0}, {0, 0, 24}, grey);
+    std::vector<Light> lamps;
+    for (int i = 0; i < 40; ++i)
+        lamps.push_back(point_light({12.0 + i % 5, 40 + (i * 37) % 48 * 1.0, 30 + (i * 23) % 36 * 1.0}, {300.0f + 40 * static_cast<float>(i % 7), 300, 300}));
+    const auto b = bake(std::move(scene), {.error_percent = 20}, lamps);
+    const PathTracer all_lights{b->field->data()};
+    for (const Vec3 at : {Vec3{244, 64, 48}, Vec3{244, 76.5, 58}}) {
+        NearLights near;
+        near.build(b->field->data(), at);
+        EXPECT_GT(near.others.size(), 10u);
+        EXPECT_EQ(near.seen.empty(), at.y == 64);
+        PathTracer some = all_lights;
+        some.near = &near;
+        for (const double y : {40.0, 50.0, 76.0, 90.0}) {
+            const Vec3 x{255.9, y, 50}, n{-1, 0, 0};
+            Random random(7);
+            const double truth = all_lights.entities(x, n, random).x;
+            double sum = 0, square = 0;
+            constexpr int kTimes = 4096;
+            for (int i = 0; i < kTimes; ++i) {
+                const double e = some.entities(x, n, random).x;
+                sum += e / kTimes, square += e * e / kTimes;
+            }
+            EXPECT_NEAR(sum, truth, 4 * std::sqrt((square - sum * sum) / kTimes) + 1e-9) << y;
+            EXPECT_GT(truth, 0) << y;
+        }
+    }
 }
 
 // Twice the light, twice the irradiance; two lights, the sum of both.
