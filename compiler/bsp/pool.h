@@ -8,6 +8,18 @@
 #include <type_traits>
 #include <vector>
 
+// What is given back, and what no one has taken yet, is not to be touched: AddressSanitizer is told.
+#if defined(__SANITIZE_ADDRESS__)
+#define KILN_POOL_ASAN 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define KILN_POOL_ASAN 1
+#endif
+#endif
+#ifdef KILN_POOL_ASAN
+#include <sanitizer/asan_interface.h>
+#endif
+
 namespace kiln::bsp {
 
 class Pool {
@@ -19,15 +31,24 @@ public:
     }
     template <class T> void give(T* array, std::size_t count) { // `count`: that of take
         if (!array || count == 0) return;
-        void*& head = free_[class_of(count * sizeof(T))];
-        *static_cast<void**>(static_cast<void*>(array)) = head;
-        head = array;
+        const std::size_t c = class_of(count * sizeof(T));
+        allow(array, sizeof(void*)); // the array may be smaller than a pointer, its block is not
+        *static_cast<void**>(static_cast<void*>(array)) = free_[c];
+        free_[c] = array;
+        forbid(array, size_of(c));
     }
 
     void clear() { // all that was taken is gone; the memory stays for what comes
+        for (std::size_t i = 0; i < used_; ++i) forbid(chunks_[i].bytes.get(), chunks_[i].size);
         free_ = {};
         at_ = end_ = nullptr;
         used_ = 0;
+    }
+    Pool() = default;
+    Pool(Pool&&) = default;
+    Pool& operator=(Pool&&) = delete;
+    ~Pool() { // to the heap as it came
+        for (const Chunk& chunk : chunks_) allow(chunk.bytes.get(), chunk.size);
     }
 
 private:
@@ -42,6 +63,16 @@ private:
     std::size_t used_ = 0; // chunks; the last of them up to at_
     std::byte *at_ = nullptr, *end_ = nullptr;
 
+    static void forbid([[maybe_unused]] void* at, [[maybe_unused]] std::size_t bytes) {
+#ifdef KILN_POOL_ASAN
+        ASAN_POISON_MEMORY_REGION(at, bytes);
+#endif
+    }
+    static void allow([[maybe_unused]] void* at, [[maybe_unused]] std::size_t bytes) {
+#ifdef KILN_POOL_ASAN
+        ASAN_UNPOISON_MEMORY_REGION(at, bytes);
+#endif
+    }
     static std::size_t class_of(std::size_t bytes) {
         const std::size_t steps = (bytes + kStep - 1) / kStep;
         return steps <= kFine ? steps : kFine + static_cast<std::size_t>(std::bit_width(steps - 1)) - 5;
@@ -53,13 +84,17 @@ private:
         if (bytes == 0) return nullptr;
         const std::size_t c = class_of(bytes);
         if (void* const head = free_[c]) {
+            allow(head, sizeof(void*));
             free_[c] = *static_cast<void**>(head);
+            forbid(head, sizeof(void*)); // the block may be taken for less
+            allow(head, bytes);
             return head;
         }
         const std::size_t size = size_of(c);
         if (static_cast<std::size_t>(end_ - at_) < size) next_chunk(size);
         void* const made = at_;
         at_ += size;
+        allow(made, bytes);
         return made;
     }
     void next_chunk(std::size_t least) {
@@ -67,6 +102,7 @@ private:
         if (used_ == chunks_.size()) {
             const std::size_t size = std::max(least, std::min(kChunk << std::min(used_, std::size_t{4}), kLargestChunk));
             chunks_.push_back({std::make_unique_for_overwrite<std::byte[]>(size), size});
+            forbid(chunks_.back().bytes.get(), size);
         }
         at_ = chunks_[used_].bytes.get(), end_ = at_ + chunks_[used_].size;
         ++used_;

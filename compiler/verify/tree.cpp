@@ -266,16 +266,16 @@ void verify_bsp(const World& world, const Csg& csg, const Bsp& bsp, bool filled,
     Tree(world, csg, bsp, filled, options, checker).check();
 }
 
-void verify_visibility(const Bsp& bsp, const Visibility& v, const VerifyOptions& options, Checker& checker) {
+void verify_visibility(const World& world, const Bsp& bsp, const Visibility& v, const VerifyOptions& options, Checker& checker) {
     const std::uint64_t before = checker.failures();
     Check &near = checker.add("vis-neighbours"), &rays = checker.add("vis-clear-segments");
-    if (!near.expect(v.cluster_count == bsp.cluster_count, [&] { return Finding{{}, "the table is not for these clusters"}; })) return;
+    if (!near.expect(v.cluster_count == bsp.cluster_count, [&] { return Finding{{world.file}, "the table is not for these clusters"}; })) return;
     check_invariants(v, checker);
     if (checker.failures() != before) return;
     const auto cluster = [&](LeafId l) { return bsp.leaves[l.at()].cluster.value; };
     for (const BspPortal& p : bsp.portals)
         near.expect(v.sees(cluster(p.leaf_front), cluster(p.leaf_back)),
-                    [&] { return Finding{{}, fmt::format("the portal at {} joins clusters {} and {}, which do not see each other", at(p.winding[0]), cluster(p.leaf_front), cluster(p.leaf_back))}; });
+                    [&] { return Finding{{world.file}, fmt::format("the portal at {} joins clusters {} and {}, which do not see each other", at(p.winding[0]), cluster(p.leaf_front), cluster(p.leaf_back))}; });
 
     std::vector<LeafId> open;
     for (std::size_t l = 0; l < bsp.leaves.size(); ++l)
@@ -312,7 +312,7 @@ void verify_visibility(const Bsp& bsp, const Visibility& v, const VerifyOptions&
         const Vec3 a = random.in(bsp.leaves[open[random.below(open.size())].at()].bounds), b = random.in(bsp.leaves[open[random.below(open.size())].at()].bounds);
         const LeafId from = leaf_at(bsp, a), to = leaf_at(bsp, b);
         if (!bsp.leaves[from.at()].cluster.valid() || !bsp.leaves[to.at()].cluster.valid() || !clear(a, b)) continue;
-        rays.expect(v.sees(cluster(from), cluster(to)), [&] { return Finding{{}, fmt::format("nothing stands between {} and {}, but cluster {} does not see {}", at(a), at(b), cluster(from), cluster(to))}; });
+        rays.expect(v.sees(cluster(from), cluster(to)), [&] { return Finding{{world.file}, fmt::format("nothing stands between {} and {}, but cluster {} does not see {}", at(a), at(b), cluster(from), cluster(to))}; });
     }
 }
 

@@ -27,7 +27,7 @@ void verify_csg(const World& world, const Csg& csg, const VerifyOptions& options
 // `filled`: built with BspOptions::fill.
 void verify_bsp(const World& world, const Csg& csg, const Bsp& bsp, bool filled, const VerifyOptions& options, Checker& checker);
 void verify_surfaces(const World& world, const Csg& csg, const Bsp& bsp, const Surfaces& surfaces, const VerifyOptions& options, Checker& checker);
-void verify_visibility(const Bsp& bsp, const Visibility& visibility, const VerifyOptions& options, Checker& checker);
+void verify_visibility(const World& world, const Bsp& bsp, const Visibility& visibility, const VerifyOptions& options, Checker& checker);
 // `name`: what findings call the file.
 void verify_level(std::span<const std::uint8_t> bytes, const std::string& name, const VerifyOptions& options, Checker& checker);
 

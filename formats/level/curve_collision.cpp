@@ -9,8 +9,6 @@ namespace kiln::level {
 
 namespace {
 
-constexpr float kMostCoordinate = 1 << 24; // as of traces: what lies farther out, nothing can meet
-
 struct Stops {
     std::uint32_t contents, who;
 };
@@ -51,7 +49,6 @@ public:
         Box box;
         for (std::uint32_t i = 0; i < vertices; ++i) {
             const float* p = vertex(i);
-            for (std::size_t k = 0; k < 3; ++k) require(std::fabs(p[k]) <= kMostCoordinate, "a curve has a vertex that is no place");
             out_.vertices.push_back({p[0], p[1], p[2]});
             box.add(p, p);
         }

@@ -34,7 +34,6 @@ namespace kiln::level {
 namespace {
 
 constexpr double kRest = KILN_TRACE_DISTANCE, kContact = kRest / 2, kTouch = 1.0 / 1024;
-constexpr double kMostCoordinate = 1 << 24;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }

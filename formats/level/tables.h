@@ -5,6 +5,7 @@
 #include "formats/level/kiln_level.h"
 #include "formats/level/wire.h"
 #include <climits>
+#include <cmath>
 
 namespace kiln::level {
 
@@ -316,6 +317,11 @@ struct CurveCorners { // of all triangles of faces with KILN_FACE_CURVED, in ord
 };
 
 constexpr std::uint32_t displacement_vertices(std::uint32_t power) { return ((1u << power) + 1) * ((1u << power) + 1); }
+constexpr float kMostCoordinate = 1 << 24; // map units: of what can be met by a trace, and of traces
+template <std::size_t N> bool is_place(const float (&v)[N]) { // the first three
+    return std::fabs(v[0]) <= kMostCoordinate && std::fabs(v[1]) <= kMostCoordinate && std::fabs(v[2]) <= kMostCoordinate;
+}
+
 struct Displacements {
     struct Vertex { float xyz_alpha[4]; };
     struct Blend { float weight[4]; };
@@ -344,6 +350,7 @@ struct Displacements {
             require(d.blend_count == 0 || d.blend_count == d.vertex_count, "a displacement has another number of weights than of vertices");
             require(d.tag_count == 0 || d.tag_count == 2u << (2 * d.power), "a displacement has another number of tags than of triangles");
         }
+        for (const Vertex& v : vertices) require(is_place(v.xyz_alpha), "a displacement has a vertex that is no place");
     }
 };
 
@@ -365,6 +372,7 @@ struct CurvedPatches {
             require_index(p.material, info.materials, "a patch names a material that is not there");
             require(std::uint64_t{p.columns} * p.rows == p.vertex_count, "a patch has another number of vertices than its size says");
         }
+        for (const Vertex& v : vertices) require(is_place(v.xyz_uv), "a patch has a vertex that is no place");
     }
 };
 struct CurveSources { // provenance

@@ -11,11 +11,6 @@
 namespace kiln {
 namespace {
 
-nlohmann::ordered_json to_json(const Diagnostic& d) {
-    return {{"severity", to_text(d.severity)}, {"code", d.code}, {"file", d.where.file}, {"line", d.where.line},
-            {"entity", d.where.entity}, {"brush", d.where.brush}, {"side", d.where.side}, {"message", d.message}};
-}
-
 nlohmann::ordered_json to_json(Vec3 p) { return {p.x, p.y, p.z}; }
 nlohmann::ordered_json to_json(const World& world, BrushId b) {
     const SourceLocation at = world.location(b);
@@ -36,7 +31,7 @@ nlohmann::ordered_json to_json(const World& world, const Leak& leak) {
     return j;
 }
 
-std::string report_json(const Compiled& c, const Context& context) {
+std::string report_json(const Compiled& c, const Console& console) {
     nlohmann::ordered_json j;
     j["stages"] = nlohmann::json::array();
     for (const StageReport& s : c.stages)
@@ -57,7 +52,7 @@ std::string report_json(const Compiled& c, const Context& context) {
     for (const Leak& l : c.leaks) j["leaks"].push_back(to_json(c.world, l));
     j["level_bytes"] = c.level.size();
     j["diagnostics"] = nlohmann::json::array();
-    for (const Diagnostic& d : context.diagnostics()) j["diagnostics"].push_back(to_json(d));
+    for (const Diagnostic& d : console.told()) j["diagnostics"].push_back(to_json(d));
     return j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
@@ -89,14 +84,23 @@ std::vector<std::filesystem::path> old_trails(const std::filesystem::path& stem)
     return found;
 }
 
+// What an earlier build left and does not hold any more.
+Result<bool> remove_stale(const std::filesystem::path& file) {
+    std::error_code ignored, failed;
+    if (!std::filesystem::is_regular_file(file, ignored)) return true;
+    std::filesystem::remove(file, failed);
+    if (failed) return fault(Exit::io, "cannot-write", fmt::format("this is of an earlier build and cannot be removed: {}", failed.message()), {.file = file.string()});
+    return true;
+}
+
 // The trails that hold now, an empty .pts of a sealed world, and none that do not hold any more.
 Result<bool> write_trails(const std::string& stem, const Compiled& c) {
     std::map<std::filesystem::path, std::string> files;
     for (const auto& [name, path] : trails_of(c)) files[stem + name + ".pts"] = write_pts(path), files[stem + name + ".lin"] = write_lin(path);
     if (c.leaks.empty()) files[stem + ".pts"];
-    std::error_code ignored;
     for (const std::filesystem::path& file : old_trails(stem))
-        if (std::ranges::none_of(files, [&](const auto& f) { return f.first.filename() == file.filename(); })) std::filesystem::remove(file, ignored);
+        if (std::ranges::none_of(files, [&](const auto& f) { return f.first.filename() == file.filename(); }))
+            if (auto r = remove_stale(file); !r) return r;
     for (const auto& [file, text] : files)
         if (auto r = write_file(file.string(), text); !r) return r;
     return true;
@@ -156,9 +160,11 @@ Command build_command(CLI::App& app) {
                 prt.cluster_count = c.bsp.cluster_count;
                 for (const VisPortal& p : c.portals) prt.portals.push_back({p.cluster_front, p.cluster_back, p.winding, false});
                 write(write_file(stem + ".prt", write_portal_file(prt)));
+            } else {
+                write(remove_stale(stem + ".prt"));
             }
         }
-        const Result<bool> reported = o->report.empty() ? Result<bool>(true) : write_file(o->report, report_json(c, context));
+        const Result<bool> reported = o->report.empty() ? Result<bool>(true) : write_file(o->report, report_json(c, console));
         if (code != 0) return code;
         if (last == Stage::pack) {
             if (const auto written = write_file(output, c.level); !written) return console.fail(written.fault());

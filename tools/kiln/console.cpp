@@ -15,7 +15,7 @@ void on_signal(int signal) {
     if (interrupted.exchange(true)) _exit(128 + signal);
 }
 
-nlohmann::ordered_json to_json(const Diagnostic& d) {
+nlohmann::ordered_json log_line(const Diagnostic& d) {
     nlohmann::ordered_json j = {{"event", "diagnostic"}, {"severity", to_text(d.severity)}, {"code", d.code}};
     if (!d.where.file.empty()) j["file"] = d.where.file;
     if (d.where.line > 0) j["line"] = d.where.line;
@@ -31,6 +31,11 @@ void print_json(const nlohmann::ordered_json& j) {
 }
 
 } // namespace
+
+nlohmann::ordered_json to_json(const Diagnostic& d) {
+    return {{"severity", to_text(d.severity)}, {"code", d.code}, {"file", d.where.file}, {"line", d.where.line},
+            {"entity", d.where.entity}, {"brush", d.where.brush}, {"side", d.where.side}, {"message", d.message}};
+}
 
 void print_error(const std::string& text) { (void)std::fwrite(text.data(), 1, text.size(), stderr); }
 
@@ -77,12 +82,13 @@ void Console::clear_line() {
 }
 
 void Console::print(const Diagnostic& d) {
+    told_.push_back(d);
     if (d.severity == Severity::error) ++errors_;
     if (d.severity == Severity::warning) ++warnings_;
     if (quiet && d.severity == Severity::note) return;
     clear_line();
     if (format == LogFormat::json)
-        print_json(to_json(d));
+        print_json(log_line(d));
     else
         print_error(to_text(d) + "\n");
 }

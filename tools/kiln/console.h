@@ -2,6 +2,7 @@
 #pragma once
 #include "compiler/compile.h"
 #include <chrono>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 namespace kiln {
@@ -14,6 +15,9 @@ void print_error(const std::string& text);
 int print_output(const std::string& text);
 // Do both names lead to one file? What a command writes must not be what it reads.
 bool same_file(const std::string& a, const std::string& b);
+
+// For reports: every field, -1 and 0 where it is not known.
+nlohmann::ordered_json to_json(const Diagnostic& diagnostic);
 
 class Console {
 public:
@@ -32,10 +36,13 @@ public:
     int fail(const Fault& fault);
     // 0, or the code for warnings where --werror asks for it.
     int verdict(const Context& context);
+    // All that was told, faults too, also what `quiet` kept from standard error.
+    const std::vector<Diagnostic>& told() const { return told_; }
 
 private:
     void progress(const std::string& stage, double share);
     void clear_line();
+    std::vector<Diagnostic> told_;
     std::size_t printed_ = 0;
     bool line_open_ = false;
     std::string last_stage_;

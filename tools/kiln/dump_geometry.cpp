@@ -96,11 +96,26 @@ Rows dump_areas(const Compiled& c) {
     return rows;
 }
 Rows dump_leak(const Compiled& c) {
-    if (!c.leak) return {}; // sealed
-    Json near = Json::array();
-    for (const BrushId b : c.leak->near) near.push_back({c.world.location(b).brush, c.world.location(b).line});
-    const SourceLocation at = c.leak->entity.valid() ? c.world.location(c.leak->entity) : SourceLocation{};
-    return {{{"entity", at.entity}, {"line", at.line}, {"hole", to_json(c.leak->hole)}, {"width", c.leak->width}, {"length", c.leak->length}, {"near", near}, {"path", list(c.leak->path)}}};
+    Rows rows; // none: sealed
+    const auto brushes = [&](const std::vector<BrushId>& ids) {
+        Json j = Json::array();
+        for (const BrushId b : ids) j.push_back({c.world.location(b).brush, c.world.location(b).line});
+        return j;
+    };
+    for (std::size_t i = 0; i < c.leaks.size(); ++i) {
+        const Leak& leak = c.leaks[i];
+        const SourceLocation at = leak.entity.valid() ? c.world.location(leak.entity) : SourceLocation{};
+        rows.push_back({{"leak", i + 1}, {"entity", at.entity}, {"line", at.line}, {"hole", to_json(leak.hole)}, {"width", leak.width}, {"area", leak.area}, {"length", leak.length},
+                        {"near", brushes(leak.near)}, {"passes", brushes(leak.passes)}, {"path", list(leak.path)}});
+    }
+    for (const AreaPortal& p : c.bsp.area_portals) { // that part nothing: the way around
+        if (p.leak.empty()) continue;
+        double length_of_way = 0;
+        for (std::size_t k = 1; k < p.leak.size(); ++k) length_of_way += length(p.leak[k] - p.leak[k - 1]);
+        const SourceLocation at = c.world.location(p.brush);
+        rows.push_back({{"area_portal", at.brush}, {"entity", at.entity}, {"line", at.line}, {"length", length_of_way}, {"path", list(p.leak)}});
+    }
+    return rows;
 }
 Rows dump_gaps(const Compiled& c) {
     Rows rows;
@@ -203,7 +218,7 @@ constexpr Artefact kArtefacts[] = {
     {"waters", Stage::bsp, dump_waters, "water"},
     {"area_portals", Stage::bsp, dump_area_portals, "line areas"},
     {"occluders", Stage::bsp, dump_occluders, "line area"},
-    {"leak", Stage::bsp, dump_leak, "line"},
+    {"leak", Stage::bsp, dump_leak, "leak line"},
     {"gaps", Stage::bsp, dump_gaps, "leaf"},
     {"visible", Stage::bsp, dump_visible, "fragment leaf"},
     {"vertices", Stage::surfaces, dump_vertices, "vertex"},

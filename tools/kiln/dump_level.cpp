@@ -1,6 +1,8 @@
 // Rows of what is in a level file, through its loader.
 #include "formats/level/kiln_level.hpp"
 #include "tools/kiln/dump_rows.h"
+#include <map>
+#include <set>
 
 namespace kiln {
 namespace {
@@ -188,6 +190,114 @@ Rows dump_entities(const kiln_level* l) {
     return rows;
 }
 
+Rows dump_bevels(const kiln_level* l) {
+    Rows rows;
+    const auto b = rows_of(l, kiln_level_brushes);
+    for (std::uint32_t i = 0; i < b.size(); ++i) {
+        std::size_t n = 0;
+        const kiln_bevel* bevel = kiln_level_brush_bevels(l, i, &n);
+        const kiln_source s = source_of(l, kiln_level_brush_source, i);
+        for (std::size_t k = 0; k < n; ++k)
+            rows.push_back({{"brush", s.brush}, {"index", i}, {"entity", s.entity}, {"line", s.line}, {"normal", row(bevel[k].normal)}, {"distance", bevel[k].distance}});
+    }
+    return rows;
+}
+Rows dump_areas(const kiln_level* l) {
+    struct Area {
+        std::size_t leaves = 0;
+        std::set<std::int32_t> clusters;
+        Json next = Json::array();
+    };
+    std::map<std::int64_t, Area> areas;
+    for (const kiln_leaf& leaf : rows_of(l, kiln_level_leaves))
+        if (leaf.cluster >= 0) ++areas[leaf.area].leaves, areas[leaf.area].clusters.insert(leaf.cluster);
+    const auto doors = rows_of(l, kiln_level_area_portals);
+    for (std::size_t i = 0; i < doors.size(); ++i)
+        for (std::size_t k = 0; k < 2; ++k)
+            if (doors[i].area[0] != doors[i].area[1]) areas[doors[i].area[k]].next.push_back({{"area", doors[i].area[1 - k]}, {"area_portal", i}});
+    Rows rows;
+    for (const auto& [a, area] : areas) rows.push_back({{"area", a}, {"leaves", area.leaves}, {"clusters", area.clusters.size()}, {"area_portals_to", area.next}});
+    return rows;
+}
+Rows dump_area_portals(const kiln_level* l) {
+    Rows rows;
+    const auto p = rows_of(l, kiln_level_area_portals);
+    const auto x = rows_of(l, kiln_level_area_portal_points, 3);
+    for (std::size_t i = 0; i < p.size(); ++i)
+        rows.push_back({{"area_portal", i}, {"entity", p[i].entity}, {"brush", p[i].brush}, {"areas", row(p[i].area)}, {"winding", points(x, p[i].first_point, p[i].point_count)}});
+    return rows;
+}
+Rows dump_waters(const kiln_level* l) {
+    Rows rows;
+    const auto w = rows_of(l, kiln_level_waters);
+    const auto m = rows_of(l, kiln_level_materials);
+    std::vector<std::size_t> leaves(w.size());
+    for (const std::uint32_t of_leaf : rows_of(l, kiln_level_leaf_waters))
+        if (of_leaf < w.size()) ++leaves[of_leaf];
+    for (std::size_t i = 0; i < w.size(); ++i)
+        rows.push_back({{"water", i}, {"contents", name(static_cast<Contents>(w[i].contents))}, {"surface_z", w[i].has_surface ? Json(w[i].surface_z) : Json()}, {"highest_z", w[i].surface_z}, {"min_z", w[i].min_z},
+                        {"material", w[i].material < m.size() ? Json(m[w[i].material].name) : Json()}, {"leaves", leaves[i]}});
+    return rows;
+}
+Rows dump_occluders(const kiln_level* l) {
+    Rows rows;
+    const auto o = rows_of(l, kiln_level_occluders);
+    const auto p = rows_of(l, kiln_level_occluder_polygons);
+    const auto x = rows_of(l, kiln_level_occluder_points, 3);
+    for (std::size_t i = 0; i < o.size(); ++i) {
+        Json polygons = Json::array();
+        for (const kiln_occluder_polygon& q : p.subspan(o[i].first_polygon, o[i].polygon_count)) polygons.push_back(points(x, q.first_point, q.point_count));
+        rows.push_back({{"occluder", i}, {"entity", o[i].entity}, {"area", o[i].area}, {"polygons", polygons}});
+    }
+    return rows;
+}
+Rows dump_overlays(const kiln_level* l) {
+    Rows rows;
+    const auto o = rows_of(l, kiln_level_overlays);
+    const auto f = rows_of(l, kiln_level_overlay_fragments);
+    const auto x = rows_of(l, kiln_level_overlay_points);
+    const auto m = rows_of(l, kiln_level_materials);
+    for (std::size_t i = 0; i < o.size(); ++i) {
+        Json fragments = Json::array();
+        for (const kiln_overlay_fragment& part_of : f.subspan(o[i].first_fragment, o[i].fragment_count)) {
+            Json corners = Json::array();
+            for (const kiln_overlay_point& q : x.subspan(part_of.first_point, part_of.point_count)) corners.push_back({{"position", row(q.position)}, {"uv", row(q.uv)}});
+            fragments.push_back({{"face", part_of.face}, {"points", corners}});
+        }
+        rows.push_back({{"overlay", i}, {"kind", o[i].kind ? "decal" : "overlay"}, {"material", o[i].material < m.size() ? Json(m[o[i].material].name) : Json()}, {"entity", o[i].entity},
+                        {"render_order", o[i].render_order}, {"fade", {o[i].fade_min, o[i].fade_max}}, {"fragments", fragments}});
+    }
+    return rows;
+}
+Rows dump_displacements(const kiln_level* l) {
+    Rows rows;
+    const auto d = rows_of(l, kiln_level_displacements);
+    const auto x = rows_of(l, kiln_level_displacement_vertices, 4), blends = rows_of(l, kiln_level_displacement_blends, 4);
+    const auto tags = rows_of(l, kiln_level_displacement_tags);
+    const auto m = rows_of(l, kiln_level_materials);
+    for (std::size_t i = 0; i < d.size(); ++i) {
+        Json vertices = Json::array(), mix = Json::array();
+        for (std::size_t k = 0; k < d[i].vertex_count; ++k) vertices.push_back(part(x, 4 * (d[i].first_vertex + k), 4));
+        for (std::size_t k = 0; k < d[i].blend_count; ++k) mix.push_back(part(blends, 4 * (d[i].first_blend + k), 4));
+        rows.push_back({{"displacement", i}, {"face", index(d[i].face)}, {"model", d[i].model}, {"material", d[i].material < m.size() ? Json(m[d[i].material].name) : Json()}, {"power", d[i].power},
+                        {"flags", d[i].flags}, {"base", row(d[i].base)}, {"vertices", vertices}, {"blends", mix}, {"tags", part(tags, d[i].first_tag, d[i].tag_count)}});
+    }
+    return rows;
+}
+Rows dump_patch_grids(const kiln_level* l) {
+    Rows rows;
+    const auto p = rows_of(l, kiln_level_curved_patches);
+    const auto x = rows_of(l, kiln_level_patch_vertices, 5);
+    const auto m = rows_of(l, kiln_level_materials);
+    for (std::size_t i = 0; i < p.size(); ++i) {
+        Json vertices = Json::array();
+        for (std::size_t k = 0; k < p[i].vertex_count; ++k) vertices.push_back(part(x, 5 * (p[i].first_vertex + k), 5));
+        rows.push_back({{"patch_grid", i}, {"face", index(p[i].face)}, {"model", p[i].model}, {"material", p[i].material < m.size() ? Json(m[p[i].material].name) : Json()},
+                        {"columns", p[i].columns}, {"rows", p[i].rows}, {"vertices", vertices}});
+    }
+    return rows;
+}
+
 constexpr LevelArtefact kArtefacts[] = {
     {"planes", dump_planes, "plane"},       {"nodes", dump_nodes, "node plane child"},
     {"leaves", dump_leaves, "leaf cluster area probe brushes faces"}, {"portals", dump_portals, "portal leaf plane"},
@@ -197,6 +307,10 @@ constexpr LevelArtefact kArtefacts[] = {
     {"charts", dump_charts, "chart page at"}, {"pages", dump_pages},
     {"lights", dump_lights, "light"},       {"cubes", dump_cubes, "cube lights"},
     {"probes", dump_probes, "probe entity"}, {"entities", dump_entities, "index line"},
+    {"bevels", dump_bevels, "index line"},  {"areas", dump_areas, "area area_portals_to"},
+    {"area_portals", dump_area_portals, "area_portal brush areas"}, {"waters", dump_waters, "water"},
+    {"occluders", dump_occluders, "occluder area"}, {"overlays", dump_overlays, "overlay fragments"},
+    {"displacements", dump_displacements, "displacement face"}, {"patch_grids", dump_patch_grids, "patch_grid face"},
 };
 
 } // namespace

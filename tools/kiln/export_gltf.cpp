@@ -132,7 +132,8 @@ Json light_extras(const Light& l) {
 GltfScene scene_of(const Content& c, const GltfOptions& options) {
     GltfScene s;
     s.generator = kVersion;
-    Json sky;
+    Rgb sky;
+    bool any_sky = false;
     std::map<std::pair<std::uint32_t, bool>, std::uint32_t> material_of;
     const auto material = [&](std::uint32_t m, bool two_sided) {
         const auto [it, fresh] = material_of.emplace(std::pair(m, two_sided), static_cast<std::uint32_t>(s.materials.size()));
@@ -205,7 +206,7 @@ GltfScene scene_of(const Content& c, const GltfOptions& options) {
         const std::string name = fmt::format("light_{}", i);
         const auto light = punctual(l, name, options.metres_per_unit);
         if (!light) {
-            sky = {l.intensity.x, l.intensity.y, l.intensity.z};
+            sky += l.intensity, any_sky = true; // uniform domes add up
             continue;
         }
         GltfNode node;
@@ -219,7 +220,7 @@ GltfScene scene_of(const Content& c, const GltfOptions& options) {
     }
     Json kiln = {{"version", 1}, {"units_per_metre", 1 / options.metres_per_unit}};
     if (!c.lightmaps.empty()) kiln["lightmaps"] = c.lightmaps;
-    if (!sky.is_null()) kiln["sky"] = sky;
+    if (any_sky) kiln["sky"] = {sky.x, sky.y, sky.z};
     s.nodes[0].extras = text_of({{"kiln", kiln}});
     return s;
 }

@@ -40,6 +40,25 @@ public:
         }
         return std::move(out);
     }
+    ObjExport visible() {
+        for (const VisibleFragment& v : c.bsp.visible) add(c.csg.fragments[v.fragment].side, points(c.bsp.planes, v.polygon), fmt::format(" leaf_{}", v.leaf.value));
+        return std::move(out);
+    }
+    ObjExport gaps() {
+        for (const ClosedGap& g : c.bsp.closed) add(g.side, points(c.bsp.planes, g.polygon), fmt::format(" leaf_{}", g.leaf.value));
+        return std::move(out);
+    }
+    ObjExport overlays() {
+        for (const OverlayFragment& f : c.surfaces.overlay_fragments) {
+            const WorldOverlay& o = c.world.overlays[f.overlay];
+            ObjPolygon p;
+            p.object = object(o.entity), p.group = fmt::format("overlay_{} face_{}", f.overlay, f.face.value), p.material = c.world.materials[o.material.at()].name;
+            for (std::uint32_t k = f.first_point; k < f.first_point + f.point_count; ++k)
+                p.points.push_back(c.surfaces.overlay_points[k].position), p.uv.push_back({c.surfaces.overlay_points[k].uv.x, 1 - c.surfaces.overlay_points[k].uv.y});
+            out.polygons.push_back(std::move(p));
+        }
+        return std::move(out);
+    }
     ObjExport faces() {
         each_triangle([&](std::size_t f, std::size_t t_number, ObjPolygon& p) {
             const Face& face = c.surfaces.faces[f];
@@ -84,7 +103,7 @@ private:
         return face.side.valid() || !face.curved() ? entity_of(face.side) : c.world.patches[c.surfaces.curves[face.curve].source].entity;
     }
     EntityId entity_of(SideId side) const { return c.world.brushes[c.world.brush_of(side).at()].entity; }
-    void add(SideId side, std::vector<Vec3> polygon, const char* more = "") {
+    void add(SideId side, std::vector<Vec3> polygon, const std::string& more = "") {
         const SourceLocation at = c.world.location(side);
         out.polygons.push_back({object(entity_of(side)), fmt::format("brush_{} side_{}{}", at.brush, at.side, more), c.world.materials[c.world.sides[side.at()].material.at()].name,
                                 std::move(polygon), {}, {}});
@@ -123,6 +142,21 @@ public:
         }
         return std::move(out);
     }
+    ObjExport overlays() {
+        std::size_t n = 0;
+        const kiln_overlay* o = kiln_level_overlays(l, &n);
+        const kiln_overlay_fragment* f = kiln_level_overlay_fragments(l, nullptr);
+        const kiln_overlay_point* x = kiln_level_overlay_points(l, nullptr);
+        for (std::size_t i = 0; i < n; ++i)
+            for (std::size_t k = o[i].first_fragment; k < std::size_t{o[i].first_fragment} + o[i].fragment_count; ++k) {
+                ObjPolygon p;
+                p.object = "overlays", p.group = fmt::format("overlay_{} face_{}", i, f[k].face), p.material = out.materials[o[i].material].name;
+                for (std::size_t q = f[k].first_point; q < std::size_t{f[k].first_point} + f[k].point_count; ++q)
+                    p.points.push_back({x[q].position[0], x[q].position[1], x[q].position[2]}), p.uv.push_back({x[q].uv[0], 1 - x[q].uv[1]});
+                out.polygons.push_back(std::move(p));
+            }
+        return std::move(out);
+    }
     ObjExport faces() { return triangles(false); }
     ObjExport charts() { return triangles(true); }
 
@@ -157,6 +191,9 @@ constexpr ObjStage kStages[] = {
     {"fragments", Stage::csg, [](const Compiled& c) { return OfMap(c).fragments(); }, nullptr},
     {"leaves", Stage::bsp, [](const Compiled& c) { return OfMap(c).leaves(); }, nullptr},
     {"portals", Stage::bsp, [](const Compiled& c) { return OfMap(c).portals(); }, [](const kiln_level* l) { return OfLevel(l).portals(); }},
+    {"visible", Stage::bsp, [](const Compiled& c) { return OfMap(c).visible(); }, nullptr},
+    {"gaps", Stage::bsp, [](const Compiled& c) { return OfMap(c).gaps(); }, nullptr},
+    {"overlays", Stage::surfaces, [](const Compiled& c) { return OfMap(c).overlays(); }, [](const kiln_level* l) { return OfLevel(l).overlays(); }},
     {"faces", Stage::surfaces, [](const Compiled& c) { return OfMap(c).faces(); }, [](const kiln_level* l) { return OfLevel(l).faces(); }},
     {"charts", Stage::surfaces, [](const Compiled& c) { return OfMap(c).charts(); }, [](const kiln_level* l) { return OfLevel(l).charts(); }},
 };

@@ -30,7 +30,7 @@ void verify_map(const Compiled& c, const Options& o, Checker& checker) {
     if (checker.failures() || c.bsp.leaves.empty()) return;
     verify_bsp(c.world, c.csg, c.bsp, !c.leak, o.verify, checker);
     if (made(Stage::surfaces) && !checker.failures()) verify_surfaces(c.world, c.csg, c.bsp, c.surfaces, o.verify, checker);
-    if (made(Stage::visibility) && !checker.failures()) verify_visibility(c.bsp, c.visibility, o.verify, checker);
+    if (made(Stage::visibility) && !checker.failures()) verify_visibility(c.world, c.bsp, c.visibility, o.verify, checker);
 }
 
 std::string table(const Checker& checker) {
@@ -43,7 +43,8 @@ std::string table(const Checker& checker) {
     return text + fmt::format("{:<24} {:>10} {:>9}\n", "all", checked, checker.failures());
 }
 
-nlohmann::ordered_json to_json(const Options& o, const Checker& checker, const Compiled& c, int code) {
+// `told`: before the findings of the checks.
+nlohmann::ordered_json to_json(const Options& o, const Checker& checker, const Compiled& c, std::span<const Diagnostic> told, int code) {
     nlohmann::ordered_json j = {{"file", o.bake.map}, {"exit", code}, {"failures", checker.failures()}, {"leak", c.leak.has_value()}};
     j["checks"] = nlohmann::json::array();
     for (const Check& check : checker.checks()) {
@@ -52,7 +53,9 @@ nlohmann::ordered_json to_json(const Options& o, const Checker& checker, const C
             row["findings"].push_back({{"file", f.where.file}, {"line", f.where.line}, {"entity", f.where.entity}, {"brush", f.where.brush}, {"side", f.where.side}, {"message", f.message}});
         j["checks"].push_back(std::move(row));
     }
-    if (c.stages.empty()) return j; // a level
+    j["diagnostics"] = nlohmann::json::array();
+    for (const Diagnostic& d : told) j["diagnostics"].push_back(to_json(d));
+    if (c.stages.empty()) return j; // a level, or nothing could be read
     const auto degenerate = static_cast<std::size_t>(std::ranges::count_if(c.surfaces.triangles, [&](const auto& t) {
         const Vec3 a = c.surfaces.positions[t[0]], b = c.surfaces.positions[t[1]], d = c.surfaces.positions[t[2]];
         return length(cross(b - a, d - a)) == 0;
@@ -86,18 +89,27 @@ Command verify_command(CLI::App& app) {
         Console console;
         o->bake.settle(console);
         Context context = console.make_context(o->bake.thread_count());
-        const auto bytes = read_file(o->bake.map);
-        if (!bytes) return console.fail(bytes.fault());
         Checker checker = Checker::collecting(o->most);
         Compiled c;
         int code = 0;
+        std::size_t told = 0;
+        const auto print = [&] {
+            const std::string text = o->json ? to_json(*o, checker, c, std::span(console.told()).first(told), code).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n" : table(checker);
+            const int printed = print_output(text);
+            return printed != 0 ? printed : code;
+        };
+        const auto bytes = read_file(o->bake.map);
+        if (!bytes) {
+            code = console.fail(bytes.fault()), told = console.told().size();
+            return o->json ? print() : code;
+        }
         if (is_level(*bytes)) {
             verify_level(*bytes, o->bake.map, o->verify, checker);
         } else {
             const Stage last = stage_named(o->until).value_or(Stage::surfaces);
             const bool leaks_allowed = std::exchange(o->bake.compile.bsp.allow_leaks, true); // what leaks is checked too
-            code = compile_map(o->bake, console, context, last, c);
-            if (code == static_cast<int>(Exit::input)) return code; // there is nothing to look at
+            code = compile_map(o->bake, console, context, last, c), told = console.told().size();
+            if (code == static_cast<int>(Exit::input)) return o->json ? print() : code; // there is nothing to look at
             verify_map(c, *o, checker);
             if (code == 0 && c.leak && !leaks_allowed) code = static_cast<int>(Exit::geometry);
         }
@@ -107,9 +119,7 @@ Command verify_command(CLI::App& app) {
         }
         if (checker.failures()) code = static_cast<int>(Exit::quality);
         if (code == 0) code = console.verdict(context);
-        const std::string text = o->json ? to_json(*o, checker, c, code).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n" : table(checker);
-        if (const int printed = print_output(text); printed != 0) return printed;
-        return code;
+        return print();
     };
 }
 

@@ -68,7 +68,7 @@ void verify_all(const Made& m, Checker& checker, bool fill = true) {
     verify_csg(m.world, m.csg, options, checker);
     verify_bsp(m.world, m.csg, m.bsp, fill, options, checker);
     verify_surfaces(m.world, m.csg, m.bsp, m.surfaces, options, checker);
-    verify_visibility(m.bsp, m.visibility, options, checker);
+    verify_visibility(m.world, m.bsp, m.visibility, options, checker);
 }
 
 TEST(Verify, ACleanWorldPassesEveryCheckAndEveryCheckLooksAtSomething) {
@@ -144,7 +144,7 @@ TEST_P(Mutations, AreSeenByTheCheckThatIsAboutThem) {
         verify_csg(m.world, m.csg, options, checker);
         verify_bsp(m.world, m.csg, m.bsp, true, options, checker);
         if (checker.failures() == 0) verify_surfaces(m.world, m.csg, m.bsp, m.surfaces, options, checker);
-        if (checker.failures() == 0) verify_visibility(m.bsp, m.visibility, options, checker);
+        if (checker.failures() == 0) verify_visibility(m.world, m.bsp, m.visibility, options, checker);
     }
     const Check* check = find(checker, GetParam().code);
     ASSERT_NE(check, nullptr) << text_of(checker);

@@ -293,16 +293,28 @@ TEST(LevelHostile, DamagedCurvesStopTracesNotTheRest) {
     ASSERT_EQ(fall(Level(good), 8, &trace), KILN_OK);
     EXPECT_DOUBLE_EQ(trace.end[2], 32 + 8 + KILN_TRACE_DISTANCE);
     EXPECT_EQ(trace.patch, 0u);
-    // Vertices that are no places: columns of byte planes, so that all values are spoiled at once.
+    // Vertices that are no places are not written...
     for (const char* lump : {"DISP", "CURV"})
-        for (const float value : {NAN, INFINITY, -INFINITY, 1e30f}) {
+        for (const float value : {NAN, INFINITY, -INFINITY, 1e30f, 0x1.000002p24f}) {
             LevelContent spoiled = c;
             (lump[0] == 'D' ? spoiled.displacements[0].positions : spoiled.patches[0].positions)[3][1] = value;
-            const Bytes bad = write_level(spoiled);
-            const Level level(bad);
+            EXPECT_ANY_THROW(write_level(spoiled)) << lump << ' ' << value;
+        }
+    // ... and not read: the columns of vertices, all bytes alike (3.4e38, and not a number), before the tags.
+    for (const char* lump : {"DISP", "CURV"})
+        for (const std::uint8_t byte : {0x7f, 0xff}) {
+            Forge bad(good);
+            Bytes& l = bad[lump].bytes;
+            const std::size_t end = l.size() - (lump[0] == 'D' ? 32 * 2 : 0), size = lump[0] == 'D' ? 25 * 16 : 6 * 20;
+            std::fill(l.begin() + static_cast<std::ptrdiff_t>(end - size), l.begin() + static_cast<std::ptrdiff_t>(end), byte);
+            const Bytes bytes = bad.bytes();
+            const Level level(bytes);
             EXPECT_EQ(fall(level, 8, &trace), KILN_DAMAGED);
             EXPECT_EQ(fall(level, 0, &trace), KILN_DAMAGED);
-            EXPECT_EQ(kiln_level_check(level.get(), nullptr), KILN_OK); // what draws it may know what to do
+            EXPECT_EQ(kiln_level_check(level.get(), nullptr), KILN_DAMAGED);
+            const void *displacements = kiln_level_displacements(level.get(), nullptr), *patches = kiln_level_curved_patches(level.get(), nullptr);
+            EXPECT_EQ(lump[0] == 'D' ? displacements : patches, nullptr);
+            EXPECT_NE(lump[0] == 'D' ? patches : displacements, nullptr); // the rest stays usable
         }
     for (const char* lump : {"DISP", "CURV", "MATL"}) { // cut short
         Forge bad(good);

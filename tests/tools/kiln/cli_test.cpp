@@ -158,6 +158,12 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     EXPECT_EQ(o.code, 4) << o.said;
     for (const char* name : {"out.pts", "out.lin", "out.leak2.pts", "out.leak2.lin"}) EXPECT_TRUE(w.has(name)) << name;
     EXPECT_NE(text_of(w.path("out.leak2.pts")), text_of(w.path("out.pts")));
+    EXPECT_FALSE(w.has("out.prt"));
+    const auto dumped = nlohmann::json::parse(w.run({"dump", "leak", w.path("leak.map"), "--json", "-q"}).out);
+    ASSERT_EQ(dumped.size(), 2u); // the area portal is told of where the world is sealed
+    EXPECT_EQ(dumped[1]["leak"], 2);
+    EXPECT_EQ(dumped[1]["area"], 128 * 96);
+    EXPECT_GT(dumped[1]["near"].size(), 3u);
     w.write("out.leak2.txt", "of somebody else");
     w.write("outer.leak2.pts", "of another map");
     w.write("out.leak7.map", world("")), w.write("out.leak7.pts", "of the map of that name");

@@ -1,3 +1,4 @@
+#include <set>
 // verify, export, dump and info as a user runs them: on maps and on levels.
 #include "formats/level/kiln_level.h"
 #include "libs/image/image.h"
@@ -68,6 +69,16 @@ TEST(Inspect, VerifyNamesWhatIsWrongWithALevelAndExitsWith6) {
     EXPECT_TRUE(std::regex_search(o.said, std::regex("bad\\.kiln: error: lump [A-Z]{4} .*\\[level-lumps\\]"))) << o.said;
     EXPECT_EQ(w.run({"verify", w.path("none.map")}).code, 3);
     EXPECT_EQ(w.run({"verify", w.write("empty.map", "")}).code, 3);
+    // As JSON, too, for those who only read standard output.
+    for (const std::string& file : {w.path("none.map"), w.path("empty.map"), w.write("torn.map", "{\n\"classname\" \"worldspawn\"\n{\n( 0 0\n")}) {
+        const Outcome faulty = w.run({"verify", file, "--json"});
+        EXPECT_EQ(faulty.code, 3);
+        const auto j = nlohmann::json::parse(faulty.out);
+        EXPECT_EQ(j["exit"], 3);
+        ASSERT_FALSE(j["diagnostics"].empty()) << file;
+        EXPECT_EQ(j["diagnostics"].back()["severity"], "error");
+        EXPECT_TRUE(j["diagnostics"].back()["file"].get<std::string>().ends_with(file)) << faulty.out;
+    }
 }
 
 TEST(Inspect, ALeakIsNoFailedCheck) {
@@ -214,7 +225,7 @@ TEST(Inspect, ObjOfEveryStage) {
     const Workplace w;
     const std::string map = w.write("room.map", furnished());
     ASSERT_EQ(w.run({"build", map, "--draft", "-q", "-o", w.path("room.kiln")}).code, 0);
-    for (const char* stage : {"brushes", "fragments", "leaves", "portals", "faces", "charts"}) {
+    for (const char* stage : {"brushes", "fragments", "leaves", "portals", "visible", "gaps", "overlays", "faces", "charts"}) {
         const Outcome o = w.run({"export", map, "--stage", stage, "-q", "-o", w.path("x.obj")});
         ASSERT_EQ(o.code, 0) << stage << o.said;
         EXPECT_TRUE(w.has("x.mtl"));
@@ -232,9 +243,10 @@ TEST(Inspect, ObjOfEveryStage) {
         if (std::string(stage) == "brushes") {
             EXPECT_EQ(faces, 8u * 6); // six walls, the glowing box and the door
         }
-        EXPECT_TRUE(faces > 5 || std::string(stage) == "portals") << stage; // one air box has no portal
+        const bool none = std::set<std::string>{"gaps", "overlays"}.contains(stage); // a sealed room without pictures
+        EXPECT_TRUE(std::string(stage) == "portals" || (faces > 5) == !none) << stage;
     }
-    for (const char* stage : {"portals", "faces", "charts"}) EXPECT_EQ(w.run({"export", w.path("room.kiln"), "--stage", stage, "-o", w.path("y.obj")}).code, 0) << stage;
+    for (const char* stage : {"portals", "overlays", "faces", "charts"}) EXPECT_EQ(w.run({"export", w.path("room.kiln"), "--stage", stage, "-o", w.path("y.obj")}).code, 0) << stage;
     Outcome o = w.run({"export", w.path("room.kiln"), "--stage", "brushes", "-o", w.path("y.obj")});
     EXPECT_EQ(o.code, 2) << o.said;
     EXPECT_EQ(w.run({"export", map, "-o", w.path("x.fbx")}).code, 2);
