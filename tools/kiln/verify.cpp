@@ -85,6 +85,7 @@ Command verify_command(CLI::App& app) {
     return [o]() -> int {
         Console console;
         o->bake.settle(console);
+        o->verify.micro_gap = o->bake.compile.bsp.micro_gap;
         Context context = console.make_context(o->bake.thread_count());
         const auto bytes = read_file(o->bake.map);
         if (!bytes) return console.fail(bytes.fault());
