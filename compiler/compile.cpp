@@ -166,7 +166,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     BspOptions bsp_options = options.bsp;
     bsp_options.allow_leaks = false; // is for the leak test alone
     const auto make_bsp = [&] {
-        return stages.run(Stage::bsp, 4, all(*csg, geometry, sky_key(world), bsp_options), places, out.bsp,
+        return stages.run(Stage::bsp, 5, all(*csg, geometry, sky_key(world), bsp_options), places, out.bsp,
                           [&] { return build_bsp(world, out.csg, bsp_options, context); });
     };
     auto bsp = make_bsp();
@@ -182,7 +182,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.portals = vis_portals(out.bsp);
     if (done(Stage::bsp)) return true;
 
-    const auto surfaces = stages.run(Stage::surfaces, 5, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
+    const auto surfaces = stages.run(Stage::surfaces, 6, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;

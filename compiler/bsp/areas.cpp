@@ -9,12 +9,9 @@
 namespace kiln::bsp {
 namespace {
 
-bool inside(const BspLeaf& l) { return l.open() && !l.outside; }
-
 // Where an area portal's leaves border a leaf of an area.
 struct Contact {
     std::uint32_t portal = 0, area = 0;
-    LeafId beyond;  // the leaf of the area
     PlaneId facing; // the portal's plane, looking to it
     double size = 0;
 };
@@ -58,39 +55,40 @@ PlaneId midway(PlaneTable& planes, PlaneId a, PlaneId b, Vec3 on_a, Vec3 on_b) {
     return planes.add(middle);
 }
 
-// From the middle of one portal to that of another, within the leaves of one area: Dijkstra over portals.
-std::vector<Vec3> way_around(const Bsp& bsp, const std::vector<std::vector<std::uint32_t>>& portals_of, const Contact& from, const Contact& to) {
+// From the middle of one portal to that of another, within the rooms of one area: Dijkstra over doors.
+std::vector<Vec3> way_around(const Flow& flow, const Areas& areas, const Contact& from, const Contact& to) {
     struct Step {
         double distance;
-        std::uint32_t portal;
+        std::uint32_t door;
         auto operator<=>(const Step&) const = default;
     };
     constexpr std::uint32_t kNone = UINT32_MAX;
-    std::vector<double> distance(bsp.portals.size(), HUGE_VAL);
-    std::vector<std::uint32_t> before(bsp.portals.size(), kNone);
-    std::vector<std::uint8_t> settled(bsp.portals.size());
+    std::vector<double> distance(flow.doors.size(), HUGE_VAL);
+    std::vector<std::uint32_t> before(flow.doors.size(), kNone);
+    std::vector<std::uint8_t> settled(flow.doors.size());
     std::priority_queue<Step, std::vector<Step>, std::greater<>> queue;
     distance[from.portal] = 0;
     queue.push({0, from.portal});
     while (!queue.empty()) {
         const Step step = queue.top();
         queue.pop();
-        if (settled[step.portal]) continue;
-        settled[step.portal] = 1;
-        if (step.portal == to.portal) break;
-        const Vec3 at = centroid(bsp.portals[step.portal].winding);
-        for (const LeafId l : {bsp.portals[step.portal].leaf_front, bsp.portals[step.portal].leaf_back}) {
-            if (bsp.leaves[l.at()].area != from.area) continue;
-            for (const std::uint32_t p : portals_of[l.at()]) {
-                const double d = step.distance + length(centroid(bsp.portals[p].winding) - at);
-                if (settled[p] || d >= distance[p]) continue;
-                distance[p] = d, before[p] = step.portal;
-                queue.push({d, p});
+        if (settled[step.door]) continue;
+        settled[step.door] = 1;
+        if (step.door == to.portal) break;
+        const Vec3 at = centroid(flow.doors[step.door].winding);
+        for (const std::uint32_t room : flow.doors[step.door].rooms) {
+            if (areas.of_room[room] != from.area) continue;
+            for (const std::uint32_t d : flow.doors_of[room]) {
+                if (settled[d] || !flow.open(d)) continue;
+                const double way = step.distance + length(centroid(flow.doors[d].winding) - at);
+                if (way >= distance[d]) continue;
+                distance[d] = way, before[d] = step.door;
+                queue.push({way, d});
             }
         }
     }
     std::vector<Vec3> way;
-    for (std::uint32_t p = to.portal; p != kNone; p = before[p]) way.push_back(centroid(bsp.portals[p].winding));
+    for (std::uint32_t d = to.portal; d != kNone; d = before[d]) way.push_back(centroid(flow.doors[d].winding));
     std::ranges::reverse(way);
     return way;
 }
@@ -103,46 +101,92 @@ double length_of_way(const std::vector<Vec3>& way) {
 
 } // namespace
 
-void number_areas(Bsp& bsp, const std::vector<std::vector<BrushId>>& portals_in) {
-    std::vector<std::vector<std::uint32_t>> neighbours(bsp.leaves.size());
-    for (const BspPortal& p : bsp.portals) {
-        neighbours[p.leaf_front.at()].push_back(p.leaf_back.value);
-        neighbours[p.leaf_back.at()].push_back(p.leaf_front.value);
-    }
-    for (std::uint32_t l = 0; l < bsp.leaves.size(); ++l) {
-        if (!inside(bsp.leaves[l]) || bsp.leaves[l].area || !portals_in[l].empty()) continue;
-        bsp.leaves[l].area = ++bsp.area_count;
-        std::vector<std::uint32_t> stack{l};
-        while (!stack.empty()) {
-            const std::uint32_t at = stack.back();
-            stack.pop_back();
-            for (const std::uint32_t n : neighbours[at])
-                if (!bsp.leaves[n].area && portals_in[n].empty()) bsp.leaves[n].area = bsp.area_count, stack.push_back(n);
+Areas find_areas(const Tree& tree, const std::vector<BspPortal>& portals, const Flow& flow, const std::vector<std::uint8_t>& outside) {
+    const std::size_t leaves = tree.leaves.size(), rooms = flow.room_leaf.size();
+    const auto has_area = [&](std::size_t l) {
+        return tree.leaves[l].contents != Contents::solid && !outside[l] && tree.leaves[l].area_portals.empty();
+    };
+    const auto other = [](const auto& pair, std::uint32_t one) { return pair[pair[0] == one ? 1 : 0]; };
+    // Regions: rooms that hang together through doors that are no micro gaps. One that has an area portal before it is an area of
+    // its own; but not the slit beside an area portal, which is no place to be in.
+    Areas areas;
+    areas.of_room.assign(rooms, 0), areas.of_leaf.assign(leaves, 0);
+    std::vector<std::uint8_t> met(rooms);
+    std::vector<std::uint32_t> region;
+    std::uint32_t labels = 0;
+    for (std::uint32_t start = 0; start < rooms; ++start) {
+        if (met[start] || !has_area(flow.room_leaf[start])) continue;
+        bool at_portal = false;
+        region.assign(1, start), met[start] = 1;
+        for (std::size_t i = 0; i < region.size(); ++i) {
+            const std::uint32_t room = region[i];
+            for (const std::uint32_t d : flow.doors_of[room]) {
+                const std::uint32_t next = other(flow.doors[d].rooms, room), leaf = flow.room_leaf[next];
+                const bool portal = !tree.leaves[leaf].area_portals.empty() && !outside[leaf];
+                if ((portal && at_portal) || (!portal && (met[next] || !has_area(leaf))) || !flow.open(d)) continue;
+                if (portal) at_portal = true;
+                else met[next] = 1, region.push_back(next);
+            }
         }
+        const bool slit = region.size() == 1 && tree.leaves[flow.room_leaf[start]].thickness < flow.micro_gap;
+        if (!at_portal || slit) continue;
+        ++labels;
+        for (const std::uint32_t room : region) areas.of_room[room] = labels;
     }
+    // A leaf has the area of its room; a thin one that several reach, of that which is largest on it.
+    std::vector<std::uint32_t> queue;
+    for (std::uint32_t l = 0; l < leaves; ++l) {
+        if (!has_area(l)) continue;
+        if (tree.leaves[l].thickness >= flow.micro_gap) {
+            areas.of_leaf[l] = areas.of_room[l];
+        } else {
+            std::map<std::uint32_t, double> size;
+            for (const std::uint32_t p : flow.portals_of[l])
+                for (const std::uint32_t r : flow.doors[p].rooms)
+                    if (flow.room_leaf[r] == l && areas.of_room[r]) size[areas.of_room[r]] += area(flow.doors[p].winding);
+            double most = -1;
+            for (const auto& [label, sum] : size)
+                if (sum > most) most = sum, areas.of_leaf[l] = label;
+        }
+        if (areas.of_leaf[l]) queue.push_back(l);
+    }
+    // All others belong to what they hang on, however thin the way; where that is none, they are areas of their own.
+    const auto spread = [&] {
+        for (std::size_t i = 0; i < queue.size(); ++i)
+            for (const std::uint32_t p : flow.portals_of[queue[i]]) {
+                const std::uint32_t next = other(std::array{portals[p].leaf_front.value, portals[p].leaf_back.value}, queue[i]);
+                if (areas.of_leaf[next] || !has_area(next)) continue;
+                areas.of_leaf[next] = areas.of_leaf[queue[i]];
+                queue.push_back(next);
+            }
+        queue.clear();
+    };
+    spread();
+    for (std::uint32_t l = 0; l < leaves; ++l)
+        if (has_area(l) && !areas.of_leaf[l]) areas.of_leaf[l] = ++labels, queue.push_back(l), spread();
+    // Numbers in the order of leaves.
+    std::vector<std::uint32_t> number(labels + std::size_t{1});
+    for (std::uint32_t& a : areas.of_leaf)
+        if (a) a = number[a] ? number[a] : number[a] = ++areas.count;
+    for (std::uint32_t& a : areas.of_room) a = number[a];
+    return areas;
 }
 
-void find_area_portals(const World& world, const Csg& csg, const std::vector<std::vector<BrushId>>& portals_in, Bsp& bsp,
-                       bool report, Context& context) {
+void find_area_portals(const World& world, const Csg& csg, const Tree& tree, const std::vector<BspPortal>& portals, const Flow& flow,
+                       const Areas& areas, Bsp& bsp, bool report, Context& context) {
     std::vector<BrushId> brushes;
     for (std::size_t b = 0; b < world.brushes.size(); ++b)
         if (csg.brushes[b].valid && world.brushes[b].model.value == 0 && world.brushes[b].contents == Contents::area_portal)
             brushes.push_back(id<BrushId>(b));
     if (brushes.empty()) return;
-    const auto holds = [&](LeafId l, BrushId b) { return std::ranges::binary_search(portals_in[l.at()], b); };
-    std::vector<std::vector<std::uint32_t>> portals_of(bsp.leaves.size());
     std::map<BrushId, std::vector<Contact>> contacts_of;
-    for (std::uint32_t p = 0; p < bsp.portals.size(); ++p) {
-        const BspPortal& portal = bsp.portals[p];
+    for (std::uint32_t p = 0; p < portals.size(); ++p)
         for (const bool back : {false, true}) {
-            const LeafId in = back ? portal.leaf_back : portal.leaf_front, out = back ? portal.leaf_front : portal.leaf_back;
-            portals_of[in.at()].push_back(p);
-            if (bsp.leaves[out.at()].area == 0) continue;
-            for (const BrushId b : portals_in[in.at()])
-                if (!holds(out, b))
-                    contacts_of[b].push_back({p, bsp.leaves[out.at()].area, out, back ? portal.plane : flipped(portal.plane), area(portal.winding)});
+            const std::uint32_t in = flow.room_leaf[flow.doors[p].rooms[back]], room = flow.doors[p].rooms[!back];
+            if (tree.leaves[in].area_portals.empty() || !areas.of_room[room] || !flow.open(p)) continue;
+            for (const BrushId b : tree.leaves[in].area_portals)
+                contacts_of[b].push_back({p, areas.of_room[room], back ? portals[p].plane : flipped(portals[p].plane), area(portals[p].winding)});
         }
-    }
     for (const BrushId b : brushes) {
         const BrushPolytope& brush = csg.brushes[b.at()];
         const std::vector<Contact>& contacts = contacts_of[b];
@@ -184,8 +228,8 @@ void find_area_portals(const World& world, const Csg& csg, const std::vector<std
             };
             if (second) {
                 const Contact from = at(*first), to = at(*second);
-                const Vec3 a = centroid(bsp.portals[from.portal].winding), z = centroid(bsp.portals[to.portal].winding);
-                if (report) out.leak = way_around(bsp, portals_of, from, to);
+                const Vec3 a = centroid(portals[from.portal].winding), z = centroid(portals[to.portal].winding);
+                if (report) out.leak = way_around(flow, areas, from, to);
                 Vec3 far = a;
                 for (const Vec3& p : out.leak)
                     if (length(p - brush.bounds.center()) > length(far - brush.bounds.center())) far = p;
@@ -194,7 +238,7 @@ void find_area_portals(const World& world, const Csg& csg, const std::vector<std
                                                     name_place(a), name_place(z), area, length_of_way(out.leak), name_place(far)));
             } else {
                 tell("areaportal-one-side", fmt::format("is open to one side only, to area {} at {}: behind it is solid or the outside", area,
-                                                        name_place(centroid(bsp.portals[at(*first).portal].winding))));
+                                                        name_place(centroid(portals[at(*first).portal].winding))));
             }
         } else {
             tell("areaportal-closed", "touches no open space of the level: it lies in solid or outside");

@@ -147,30 +147,27 @@ Result<Bsp> build_bsp(const World& world, const Csg& csg, const BspOptions& opti
     cutter.clear();
     context.say("bsp", 0.7);
     std::vector<std::uint8_t> outside(tree.leaves.size());
+    const bsp::Flow flow = bsp::make_flow(tree, portals, options.micro_gap);
+    if (options.fill) outside = bsp::fill_outside(tree, portals, flow);
+    const bsp::Areas areas = bsp::find_areas(tree, portals, flow, outside);
+    out.area_count = areas.count;
     if (options.fill) {
-        const bsp::Flow flow = bsp::make_flow(tree, portals, options.micro_gap);
-        outside = bsp::fill_outside(tree, portals, flow);
-        bsp::report_gaps(world, csg, tree, portals, flow, outside, context);
+        bsp::report_gaps(world, csg, tree, portals, flow, outside, areas, context);
         out.closed = bsp::closed_gaps(world, csg, space, tree, portals, outside);
     }
+    bsp::find_area_portals(world, csg, tree, portals, flow, areas, out, options.fill, context);
     context.check_cancelled();
 
-    std::vector<std::pair<std::size_t, std::vector<BrushId>>> area_portals_in; // leaf
-    for (std::size_t l = 0; l < tree.leaves.size(); ++l)
-        if (!tree.leaves[l].area_portals.empty()) area_portals_in.emplace_back(l, std::move(tree.leaves[l].area_portals));
     std::vector<LeafId> new_leaf;
     bsp::Pruner(std::move(tree), outside, out, new_leaf);
     out.leaf_water.assign(out.leaves.size(), UINT32_MAX);
     for (ClosedGap& g : out.closed) g.leaf = new_leaf[g.leaf.at()];
+    for (std::size_t l = 0; l < new_leaf.size(); ++l)
+        if (areas.of_leaf[l]) out.leaves[new_leaf[l].at()].area = areas.of_leaf[l];
     std::erase_if(portals, [&](const BspPortal& p) { return outside[p.leaf_front.at()] || outside[p.leaf_back.at()]; });
     for (BspPortal& p : portals) p.leaf_front = new_leaf[p.leaf_front.at()], p.leaf_back = new_leaf[p.leaf_back.at()];
     out.portals = std::move(portals);
-    std::vector<std::vector<BrushId>> portals_in(out.leaves.size());
-    for (auto& [leaf, brushes] : area_portals_in)
-        if (new_leaf[leaf].valid()) portals_in[new_leaf[leaf].at()] = std::move(brushes);
-    bsp::number_areas(out, portals_in);
     bsp::number_clusters(world, csg, space, out, context);
-    bsp::find_area_portals(world, csg, portals_in, out, options.fill, context);
     bsp::find_waters(world, csg, out);
     bsp::find_occluders(world, csg, space, out, context);
     context.say("bsp", 0.8);

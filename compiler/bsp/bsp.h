@@ -3,7 +3,7 @@
 //
 // In       world, csg
 // Out      tree, leaves, clusters, portals (convex, counter-clockwise seen from `leaf_front`, map units)
-// Errors   micro-gap (warning): an opening narrower than options.micro_gap that would have leaked
+// Errors   micro-gap (warning): an opening narrower than options.micro_gap that would have leaked, or joined two areas
 //          areaportal-leak, -one-side, -closed, -areas (warnings): a func_areaportal that does not part two areas
 //          occluder-areas, occluder-without-face, viscluster-empty, sky-camera-area, sky-camera-in-solid (warnings)
 //

@@ -121,8 +121,16 @@ std::vector<std::uint32_t> rooms_at(const Tree& tree, const Flow& flow, LeafId l
 std::vector<std::uint8_t> rooms_of_the_void(const Flow& flow); // per room: the void reaches it
 // Per leaf: what the void reaches, and cracks that lead nowhere.
 std::vector<std::uint8_t> fill_outside(const Tree& tree, const std::vector<BspPortal>& portals, const Flow& flow);
+// Areas of the inside: what hangs together without passing a leaf of an area portal, nor a micro gap between two places that
+// have an area portal before them.
+struct Areas {
+    std::vector<std::uint32_t> of_leaf; // from 1; 0: outside, solid, an area portal's
+    std::vector<std::uint32_t> of_room; // the same; 0 too where nothing but micro gaps leads to an area
+    std::uint32_t count = 0;
+};
+// Between inside and outside, and between areas.
 void report_gaps(const World& world, const Csg& csg, const Tree& tree, const std::vector<BspPortal>& portals,
-                 const Flow& flow, const std::vector<std::uint8_t>& outside, Context& context);
+                 const Flow& flow, const std::vector<std::uint8_t>& outside, const Areas& areas, Context& context);
 // Where inside meets outside or the world's box (a thin leaf may run through it all), what no detail brush closes.
 std::vector<ClosedGap> closed_gaps(const World& world, const Csg& csg, const Space& space, const Tree& tree,
                                    const std::vector<BspPortal>& portals, const std::vector<std::uint8_t>& outside);
@@ -161,10 +169,9 @@ void report_leaks(const World& world, const std::vector<Leak>& leaks, const BspO
 
 Vec3 closest_point(std::span<const Vec3> convex_winding, Vec3 to);
 
-// Areas of the inside leaves: what hangs together without passing a leaf of an area portal (`portals_in`: per leaf).
-void number_areas(Bsp& bsp, const std::vector<std::vector<BrushId>>& portals_in);
-void find_area_portals(const World& world, const Csg& csg, const std::vector<std::vector<BrushId>>& portals_in, Bsp& bsp,
-                       bool report, Context& context);
+Areas find_areas(const Tree& tree, const std::vector<BspPortal>& portals, const Flow& flow, const std::vector<std::uint8_t>& outside);
+void find_area_portals(const World& world, const Csg& csg, const Tree& tree, const std::vector<BspPortal>& portals, const Flow& flow,
+                       const Areas& areas, Bsp& bsp, bool report, Context& context);
 void find_waters(const World& world, const Csg& csg, Bsp& bsp);
 void find_occluders(const World& world, const Csg& csg, const Space& space, Bsp& bsp, Context& context);
 // Clusters of the inside leaves, numbered in the order of leaves. Areas must be known.

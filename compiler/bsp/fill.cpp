@@ -77,11 +77,18 @@ std::vector<std::uint8_t> fill_outside(const Tree& tree, const std::vector<BspPo
 }
 
 void report_gaps(const World& world, const Csg& csg, const Tree& tree, const std::vector<BspPortal>& portals,
-                 const Flow& flow, const std::vector<std::uint8_t>& outside, Context& context) {
+                 const Flow& flow, const std::vector<std::uint8_t>& outside, const Areas& areas, Context& context) {
     std::vector<std::uint32_t> thin;
     std::vector<Box3> boxes;
+    const auto areas_of = [&](const BspPortal& p) {
+        return std::pair(areas.of_leaf[p.leaf_front.at()], areas.of_leaf[p.leaf_back.at()]);
+    };
+    const auto parts_areas = [&](const BspPortal& p) {
+        const auto [a, b] = areas_of(p);
+        return a && b && a != b;
+    };
     for (std::uint32_t p = 0; p < portals.size(); ++p)
-        if (outside[portals[p].leaf_front.at()] != outside[portals[p].leaf_back.at()]) {
+        if (outside[portals[p].leaf_front.at()] != outside[portals[p].leaf_back.at()] || parts_areas(portals[p])) {
             thin.push_back(p);
             boxes.push_back(box_of(portals[p].winding, 0.5));
         }
@@ -96,8 +103,10 @@ void report_gaps(const World& world, const Csg& csg, const Tree& tree, const std
         const std::vector<BrushId> near = brushes_near(world, csg, p.winding, 4);
         constexpr double kDrawn = 1.0 / 64; // map units: planes that miss each other by less are a rounding of the editor, nothing to mend
         context.report(wide < kDrawn ? Severity::note : Severity::warning, "micro-gap",
-                       fmt::format("a gap {:.4g} units wide at {} is taken as closed; brushes around it: {}", wide,
-                                   name_place(centroid(p.winding)), name_brushes(world, near)),
+                       fmt::format("a gap {:.4g} units wide at {}{} is taken as closed; brushes around it: {}", wide,
+                                   name_place(centroid(p.winding)),
+                                   parts_areas(p) ? fmt::format(" between areas {} and {}", areas_of(p).first, areas_of(p).second) : "",
+                                   name_brushes(world, near)),
                        near.empty() ? SourceLocation{.file = world.file} : world.location(near.front()));
     }
     if (gaps > kMostGapReports)

@@ -1,7 +1,10 @@
 #include "compiler/pack/pack.h"
 #include "compiler/collision/collision.h"
+#include "compiler/pack/water_distance.h"
 #include "libs/core/check.h"
+#include <algorithm>
 #include <charconv>
+#include <filesystem>
 
 namespace kiln {
 namespace {
@@ -100,6 +103,20 @@ void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush
     out.vis_rows = in.visibility.rows;
 }
 
+// Files of the map by their numbers in the level: 0 the map, then what it brings in.
+std::uint32_t file_number(const World& world, const std::string& name) {
+    const auto at = std::ranges::find(world.included, name);
+    return name == world.file || at == world.included.end() ? 0 : static_cast<std::uint32_t>(at - world.included.begin()) + 1;
+}
+// Their names say where they lie beside the map, not where on this machine.
+void add_files(const World& world, level::LevelContent& out) {
+    const std::filesystem::path directory = std::filesystem::path(world.file).parent_path();
+    for (const std::string& name : world.included) {
+        const std::filesystem::path path = std::filesystem::path(name).lexically_normal(), beside = path.lexically_relative(directory.lexically_normal().empty() ? "." : directory.lexically_normal());
+        out.source_files.push_back((beside.empty() ? path.filename() : beside).generic_string());
+    }
+}
+
 // Which brush of the level each brush of the world is; UINT32_MAX: it was invalid and left out.
 std::vector<std::uint32_t> add_brushes(const PackInput& in, const CollisionBrushes& collision, level::LevelContent& out) {
     std::vector<std::uint32_t> number(in.world.brushes.size(), UINT32_MAX);
@@ -113,6 +130,7 @@ std::vector<std::uint32_t> add_brushes(const PackInput& in, const CollisionBrush
         brush.contents = static_cast<std::uint8_t>(b.contents);
         brush.blocks = b.blocks;
         brush.source_entity = where.entity, brush.source_id = b.id, brush.source_line = b.line;
+        brush.source_file = b.file;
         for (std::size_t k = 0; k < polytope.faces.size(); ++k) {
             brush.planes.push_back(polytope.faces[k].support.value);
             brush.source_sides.push_back(in.world.sides[polytope.sides[k].at()].id);
@@ -143,6 +161,7 @@ void add_faces(const PackInput& in, level::LevelContent& out) {
         face.u_shift = texture.u_shift, face.v_shift = texture.v_shift;
         face.source_entity = where.entity, face.source_brush = where.brush;
         face.source_side = where.side, face.source_line = where.line;
+        face.source_file = file_number(in.world, where.file);
         face.first_triangle = static_cast<std::uint32_t>(out.triangles.size());
         if (f.drawn || f.sky) { // what only blocks light is of no use at run time
             face.triangle_count = f.triangle_count;
@@ -172,7 +191,9 @@ void add_spaces(const PackInput& in, const std::vector<std::uint32_t>& level_bru
     }
     for (const WaterVolume& w : in.bsp.waters)
         out.waters.push_back({static_cast<std::uint8_t>(w.contents), static_cast<float>(w.surface_z), static_cast<float>(w.min_z), w.has_surface, w.material.value});
-    if (!out.waters.empty()) out.leaf_water = in.bsp.leaf_water;
+    if (out.waters.empty()) return;
+    out.leaf_water = in.bsp.leaf_water;
+    out.leaf_water_distance = leaf_water_distances(in.bsp, in.visibility);
 }
 
 std::array<float, 2> floats(Vec2 v) { return {static_cast<float>(v.x), static_cast<float>(v.y)}; }
@@ -212,6 +233,7 @@ void add_curve(const PackInput& in, const Curve& curve, level::LevelContent& out
     const SourceLocation where = location_of(in.world, s, {curve.first_face});
     face.material = any.material.value, face.model = any.model.valid() ? any.model.value : 0;
     face.source_entity = where.entity, face.source_brush = where.brush, face.source_side = where.side, face.source_line = where.line;
+    face.source_file = file_number(in.world, where.file);
     const Chart* chart = face.chart != UINT32_MAX ? &s.charts[face.chart] : nullptr;
     const Frame frame = chart ? chart->frame : any.tangent;
     face.tangent = floats(frame.t), face.bitangent = floats(frame.b), face.normal = floats(frame.n);
@@ -242,6 +264,7 @@ void add_curve(const PackInput& in, const Curve& curve, level::LevelContent& out
                                     static_cast<float>(weights[3])});
         d.triangle_tags = from.grid.triangle_tags;
         d.source_entity = where.entity, d.source_brush = where.brush, d.source_side = where.side, d.source_line = where.line;
+        d.source_file = face.source_file;
         out.displacements.push_back(std::move(d));
     } else {
         level::CurvedPatch p;
@@ -250,6 +273,7 @@ void add_curve(const PackInput& in, const Curve& curve, level::LevelContent& out
         p.positions = std::move(grid);
         for (const Vec2 uv : curve.uv) p.uv.push_back(floats(uv));
         p.source_entity = where.entity, p.source_patch = where.brush, p.source_line = where.line;
+        p.source_file = face.source_file;
         out.patches.push_back(std::move(p));
     }
     if (largest) out.faces.push_back(face);
@@ -298,6 +322,7 @@ void add_lights(const PackInput& in, level::LevelContent& out) {
         if (l.entity.valid()) {
             light.entity = in.world.entities[l.entity.at()].id;
             light.line = in.world.entities[l.entity.at()].line;
+            light.source_file = in.world.entities[l.entity.at()].file;
         }
         out.lights.push_back(light);
     }
@@ -356,6 +381,7 @@ level::LevelContent level_content(const PackInput& in, Context& context) {
     out.error_json = error_json(in.lighting.error);
     out.rnm_encoding = static_cast<std::uint8_t>(in.lighting.encoding);
     out.model_count = std::max(1u, in.world.model_count);
+    add_files(in.world, out);
     add_planes(in.csg.planes, out);
     const std::vector<std::uint32_t> level_brush = add_brushes(in, build_collision(in.csg, context), out);
     add_tree(in, level_brush, out);
@@ -380,6 +406,7 @@ level::LevelContent level_content(const PackInput& in, Context& context) {
         for (const DocKey& k : e.keys) entity.keys.emplace_back(k.key, k.value);
         entity.model = e.model.valid() ? static_cast<std::int32_t>(e.model.value) : -1;
         entity.source_id = e.id, entity.source_line = e.line;
+        entity.source_file = e.file;
         out.entities.push_back(std::move(entity));
     }
     return out;

@@ -79,7 +79,8 @@ constexpr double kUsualPhong_deg = 89;   // what the Quake tools take where `_ph
 constexpr double kSourceSmooth_deg = 45; // vrad's -smooth where nothing else is said
 
 void read_smoothing(const World& world, const WorldSide& side, const WorldBrush& brush, const SurfacesOptions& options, FaceDraft& draft) {
-    draft.smoothing_groups = side.smoothing_groups;
+    const bool bits = world.format == MapFormat::vmf; // of a .map: the number of a group (Quake 2)
+    if (bits) draft.smoothing_groups = side.smoothing_groups;
     if (brush.entity.valid()) {
         const WorldEntity& entity = world.entities[brush.entity.at()];
         const double angle = entity.number("_phong_angle", 0);
@@ -87,8 +88,12 @@ void read_smoothing(const World& world, const WorldSide& side, const WorldBrush&
         draft.phong_concave_deg = std::clamp(entity.number("_phong_angle_concave", 0), 0.0, 180.0);
         draft.phong_group = static_cast<int>(std::clamp(entity.number("_phong_group", 0), -1e9, 1e9));
     }
+    if (!bits && side.smoothing_groups) {
+        if (draft.phong_group == 0) draft.phong_group = static_cast<int>(side.smoothing_groups);
+        if (!(draft.phong_angle_deg > 0)) draft.phong_angle_deg = kUsualPhong_deg;
+    }
     const double usual = options.smoothing_angle_deg >= 0 ? options.smoothing_angle_deg : world.format == MapFormat::vmf ? kSourceSmooth_deg : 0;
-    if (!side.smoothing_groups) draft.phong_angle_deg = std::max(draft.phong_angle_deg, usual);
+    if (!draft.smoothing_groups) draft.phong_angle_deg = std::max(draft.phong_angle_deg, usual);
 }
 
 Groups collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& vertices) {

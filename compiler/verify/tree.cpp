@@ -196,11 +196,34 @@ private:
         return std::ranges::all_of(polygon.edges, [&](PlaneId e) { return distance(e, p) < kTouching; });
     }
 
+    double thickness(LeafId leaf) const { // least extent, as the faces look
+        double least = HUGE_VAL;
+        for (const HalfSpace& h : leaf_faces_[leaf.at()]) {
+            double reach = 0;
+            for (const PlanePolygon& f : polytopes_[leaf.at()])
+                for (const Vec3& p : points(bsp_.planes, f)) reach = std::max(reach, h.distance - dot(h.normal, p));
+            least = std::min(least, reach);
+        }
+        return least;
+    }
+    static double width(std::span<const Vec3> winding) { // least extent, as the edges look
+        double least = HUGE_VAL;
+        for (std::size_t i = 0; i < winding.size(); ++i) {
+            const Vec3 along = winding[(i + 1) % winding.size()] - winding[i];
+            if (!(length(along) > 0)) continue;
+            double reach = 0;
+            for (const Vec3& p : winding) reach = std::max(reach, length(cross(p - winding[i], along)) / length(along));
+            least = std::min(least, reach);
+        }
+        return least;
+    }
+
     void check_areas() {
         Check& areas = checker_.add("areas");
+        const double small = options_.micro_gap + kTouching;
         for (const BspPortal& p : bsp_.portals) {
             const std::uint32_t a = bsp_.leaves[p.leaf_front.at()].area, b = bsp_.leaves[p.leaf_back.at()].area;
-            if (a && b) areas.expect(a == b, [&] { return Finding{map_, fmt::format("a portal joins areas {} and {} at {}", a, b, at(p.winding[0]))}; });
+            if (a && b) areas.expect(a == b || width(p.winding) < small || thickness(p.leaf_front) < small || thickness(p.leaf_back) < small, [&] { return Finding{map_, fmt::format("a portal joins areas {} and {} at {}", a, b, at(p.winding[0]))}; });
         }
         for (std::size_t l = 0; l < bsp_.leaves.size(); ++l) {
             const BspLeaf& leaf = bsp_.leaves[l];

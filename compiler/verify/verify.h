@@ -19,6 +19,7 @@ namespace kiln {
 struct VerifyOptions {
     std::size_t points = 20000; // random points for each check that draws some
     std::uint64_t seed = 1;
+    double micro_gap = BspOptions{}.micro_gap; // that the tree was built with
 };
 
 void verify_document(const Document& document, Checker& checker);

@@ -102,6 +102,10 @@ Material with_row_flags(Material m, const DocSide& side, MapFormat format, bool 
     return m;
 }
 
+std::uint32_t phong_group_of_row(const DocSide& side) {
+    return side.surface_flags & kS_light || side.value <= 0 || side.value > INT32_MAX ? 0 : static_cast<std::uint32_t>(side.value);
+}
+
 UnknownBits unknown_row_bits(const DocSide& side, MapFormat format, bool quake3) {
     if (!side.has_content_flags || quake3 || format == MapFormat::vmf) return {};
     return {side.contents & ~kC_known, side.surface_flags & 0xFFFFFFFF & ~kS_known};

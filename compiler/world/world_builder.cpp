@@ -296,6 +296,10 @@ private:
             else if (const Box3 box = box_of(b); !box.empty()) {
                 out.origin = box.center();
                 out.has_origin = true;
+                const std::string text = fmt::format("{} {} {}", out.origin.x, out.origin.y, out.origin.z);
+                const auto key = std::ranges::find_if(out.keys, [](const DocKey& k) { return equal_ignoring_case(k.key, "origin"); });
+                if (key != out.keys.end()) key->value = text;
+                else out.keys.push_back({"origin", text, b.line}); // games turn the model about it
             }
             return;
         }
@@ -323,6 +327,7 @@ private:
             WorldSide& side = world_.sides.emplace_back();
             side.points = s.points, side.material = ids[i], side.texture = s.texture, side.lightmap_scale = asked;
             side.smoothing_groups = s.smoothing_groups, side.line = s.line, side.id = s.id;
+            if (s.has_content_flags && document_.format != MapFormat::vmf && !quake3_) side.smoothing_groups = phong_group_of_row(s);
             if (s.texture.in_repeats) { // brushDef: texels once the size of the texture is known
                 const Material& m = world_.materials[ids[i].at()];
                 side.texture.u_scale /= m.width, side.texture.u_shift *= m.width;

@@ -212,6 +212,10 @@ const kiln_occluder_polygon* kiln_level_occluder_polygons(const kiln_level* leve
 const float* kiln_level_occluder_points(const kiln_level* level, size_t* point_count);
 const kiln_water* kiln_level_waters(const kiln_level* level, size_t* count);
 const uint32_t* kiln_level_leaf_waters(const kiln_level* level, size_t* leaf_count); /* per leaf; KILN_NO_INDEX: dry */
+/* Per leaf: map units from its box to the nearest surface of a liquid that may be seen from its cluster (of both, the boxes:
+ * never more than the true distance); 0 in the liquid and at its surface, INFINITY where none may be seen, so that whether a
+ * leaf sees any needs no look at the PVS. NULL where the level has no liquid, or is of an older compiler. */
+const float* kiln_level_leaf_water_distances(const kiln_level* level, size_t* leaf_count);
 /* Per brush, what it stops: 1 players, 2 NPCs, 4 bullets, 8 sight. NULL in levels of older compilers. */
 enum { KILN_BLOCKS_PLAYERS = 1, KILN_BLOCKS_NPCS = 2, KILN_BLOCKS_BULLETS = 4, KILN_BLOCKS_SIGHT = 8 };
 const uint8_t* kiln_level_brush_blocks(const kiln_level* level, size_t* count);
@@ -330,8 +334,8 @@ typedef struct kiln_trace {
 kiln_status kiln_trace_box(const kiln_level* level, const double start[3], const double end[3], const double mins[3],
                            const double maxs[3], uint32_t mask, kiln_trace* trace);
 /* The same against the brushes of one model alone, moved to `origin` (zeros: where it was drawn; 0: the world's
- * model, without its tree). Models do not turn: take start, end and box into the model's space where one has turned, as far as
- * a ray or a ball allow. Brushes of triggers are looked for with KILN_CONTENTS_TRIGGER. */
+ * model, without its tree). Where it has turned as well: kiln_trace_posed_model. Brushes of triggers are looked for with
+ * KILN_CONTENTS_TRIGGER. */
 kiln_status kiln_trace_model(const kiln_level* level, uint32_t model, const double origin[3], const double start[3],
                              const double end[3], const double mins[3], const double maxs[3], uint32_t mask,
                              kiln_trace* trace);
@@ -339,6 +343,24 @@ kiln_status kiln_trace_model(const kiln_level* level, uint32_t model, const doub
 kiln_status kiln_point_contents(const kiln_level* level, const double point[3], uint32_t* contents);
 kiln_status kiln_model_point_contents(const kiln_level* level, uint32_t model, const double origin[3],
                                       const double point[3], uint32_t* contents);
+
+/* Where a model stands that has turned: what was drawn at x is at origin + pivot + turn (x - pivot). */
+typedef struct kiln_pose {
+    double pivot[3];   /* what it turns about, where that was drawn: the entity's key "origin" (of an origin brush, its middle) */
+    double origin[3];  /* how far it has moved besides; zeros: not at all */
+    double turn[3][3]; /* turn[k]: where the k-th axis points now; unit, at right angles, not mirrored */
+} kiln_pose;
+/* The turn of an `angles` key, degrees: pitch (forward goes down), yaw (forward goes left), roll (left goes up). */
+void kiln_turn_from_angles(const double angles[3], double turn[3][3]);
+/* kiln_trace_model against the model in its pose. The box stays upright and the result is exact for it as well: what the box
+ * and a turned brush need to be kept apart (the brush's sides, the box's, each edge of one along each of the other) is
+ * worked out as it goes, which takes some ten times as long a brush. `side` is KILN_NO_INDEX for all but the brush's own.
+ * KILN_BAD_ARGUMENT too where `turn` is no rotation. */
+kiln_status kiln_trace_posed_model(const kiln_level* level, uint32_t model, const kiln_pose* pose, const double start[3],
+                                   const double end[3], const double mins[3], const double maxs[3], uint32_t mask,
+                                   kiln_trace* trace);
+kiln_status kiln_posed_model_point_contents(const kiln_level* level, uint32_t model, const kiln_pose* pose,
+                                            const double point[3], uint32_t* contents);
 
 /* ---- Overlays and decals: pictures laid over faces -------------------------------------------------------- */
 
@@ -490,6 +512,14 @@ kiln_status kiln_level_displacement_source(const kiln_level* level, uint32_t dis
 kiln_status kiln_level_patch_source(const kiln_level* level, uint32_t patch, kiln_source* source); /* brush: its id */
 kiln_status kiln_level_entity_source(const kiln_level* level, uint32_t entity, kiln_source* source);
 kiln_status kiln_level_light_source(const kiln_level* level, uint32_t light, kiln_source* source);
+/* The file those ids and lines are of, relative to the map's directory: "" for the map itself (`source` of the meta JSON), else an
+ * instance's, a prefab's. KILN_MISSING where the level was stripped. */
+kiln_status kiln_level_face_file(const kiln_level* level, uint32_t face, const char** file);
+kiln_status kiln_level_brush_file(const kiln_level* level, uint32_t brush, const char** file);
+kiln_status kiln_level_entity_file(const kiln_level* level, uint32_t entity, const char** file);
+kiln_status kiln_level_light_file(const kiln_level* level, uint32_t light, const char** file);
+kiln_status kiln_level_displacement_file(const kiln_level* level, uint32_t displacement, const char** file);
+kiln_status kiln_level_patch_file(const kiln_level* level, uint32_t patch, const char** file);
 
 /* ---- Number formats -------------------------------------------------------------------------------------- */
 float kiln_half_to_float(uint16_t half);

@@ -60,6 +60,7 @@ public:
     std::span<const float> occluder_points() const { return rows(kiln_level_occluder_points, 3); }
     std::span<const kiln_water> waters() const { return rows(kiln_level_waters); }
     std::span<const std::uint32_t> leaf_waters() const { return rows(kiln_level_leaf_waters); }
+    std::span<const float> leaf_water_distances() const { return rows(kiln_level_leaf_water_distances); }
     std::span<const std::uint8_t> brush_blocks() const { return rows(kiln_level_brush_blocks); }
     std::span<const std::uint8_t> face_no_dynamic_shadow() const { return rows(kiln_level_face_no_dynamic_shadow); }
     std::span<const kiln_light> lights() const { return rows(kiln_level_lights); }

@@ -105,6 +105,7 @@ KILN_ROWS(kiln_occluder, occluders, occluders, Occluders, rows)
 KILN_ROWS(kiln_occluder_polygon, occluder_polygons, occluders, Occluders, polygons)
 KILN_ROWS(kiln_water, waters, waters, Waters, rows)
 KILN_ROWS(uint32_t, leaf_waters, waters, Waters, of_leaf)
+KILN_ROWS(float, leaf_water_distances, water_distances, WaterDistances, of_leaf)
 KILN_ROWS(uint8_t, brush_blocks, brush_blocks, BrushBlocks, bits)
 KILN_ROWS(uint8_t, face_no_dynamic_shadow, face_shadows, FaceShadows, bits)
 KILN_ROWS(kiln_displacement, displacements, displacements, Displacements, rows)
@@ -406,6 +407,28 @@ KILN_SOURCE(light, lights)
 KILN_CURVE_SOURCE(displacement, displacements)
 KILN_CURVE_SOURCE(patch, patches)
 #undef KILN_CURVE_SOURCE
+
+// Levels whose things are all of the map itself have no list of files.
+#define KILN_FILE(function, list)                                                                                  \
+    kiln_status kiln_level_##function##_file(const kiln_level* level, uint32_t i, const char** file) {             \
+        if (!level || !file) return KILN_BAD_ARGUMENT;                                                             \
+        kiln_source source;                                                                                        \
+        if (const kiln_status s = kiln_level_##function##_source(level, i, &source); s != KILN_OK) return s;       \
+        *file = "";                                                                                                \
+        if (level->find(fourcc("FILE")) == level->entries.size()) return KILN_OK;                                  \
+        const SourceFiles* table = level->get_source_files();                                                      \
+        if (!table) return level->fault_of(fourcc("FILE"));                                                        \
+        if (i >= table->list.size()) return KILN_DAMAGED;                                                          \
+        if (const uint32_t f = table->list[i]; f > 0) *file = table->names[f - 1].c_str();                         \
+        return KILN_OK;                                                                                            \
+    }
+KILN_FILE(face, faces)
+KILN_FILE(brush, brushes)
+KILN_FILE(entity, entities)
+KILN_FILE(light, lights)
+KILN_FILE(displacement, displacements)
+KILN_FILE(patch, patches)
+#undef KILN_FILE
 
 kiln_status kiln_level_brush_side_source(const kiln_level* level, uint32_t i, int32_t* side) {
     if (!level || !side) return KILN_BAD_ARGUMENT;

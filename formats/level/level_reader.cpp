@@ -135,6 +135,8 @@ KILN_TABLE(Bevels, bevels, "BEVL")
 KILN_TABLE(AreaPortals, area_portals, "AREA")
 KILN_TABLE(Occluders, occluders, "OCCL")
 KILN_TABLE(Waters, waters, "WATR")
+KILN_TABLE(WaterDistances, water_distances, "LWTR")
+KILN_TABLE(SourceFiles, source_files, "FILE")
 KILN_TABLE(BrushBlocks, brush_blocks, "BBLK")
 KILN_TABLE(FaceShadows, face_shadows, "FSHD")
 KILN_TABLE(Displacements, displacements, "DISP")
@@ -395,6 +397,8 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("AREA"): return tell(level->area_portals, level->get_area_portals());
         case fourcc("OCCL"): return tell(level->occluders, level->get_occluders());
         case fourcc("WATR"): return tell(level->waters, level->get_waters());
+        case fourcc("LWTR"): return tell(level->water_distances, level->get_water_distances());
+        case fourcc("FILE"): return tell(level->source_files, level->get_source_files());
         case fourcc("BBLK"): return tell(level->brush_blocks, level->get_brush_blocks());
         case fourcc("FSHD"): return tell(level->face_shadows, level->get_face_shadows());
         case fourcc("CRNR"): return tell(level->curve_corners, level->get_curve_corners());

@@ -92,6 +92,8 @@ struct kiln_level {
     mutable Lazy<kiln::level::AreaPortals> area_portals;
     mutable Lazy<kiln::level::Occluders> occluders;
     mutable Lazy<kiln::level::Waters> waters;
+    mutable Lazy<kiln::level::WaterDistances> water_distances;
+    mutable Lazy<kiln::level::SourceFiles> source_files;
     mutable Lazy<kiln::level::BrushBlocks> brush_blocks;
     mutable Lazy<kiln::level::FaceShadows> face_shadows;
     mutable Lazy<kiln::level::CurveCorners> curve_corners;
@@ -125,6 +127,8 @@ struct kiln_level {
     const kiln::level::AreaPortals* get_area_portals() const;
     const kiln::level::Occluders* get_occluders() const;
     const kiln::level::Waters* get_waters() const;
+    const kiln::level::WaterDistances* get_water_distances() const;
+    const kiln::level::SourceFiles* get_source_files() const;
     const kiln::level::BrushBlocks* get_brush_blocks() const;
     const kiln::level::FaceShadows* get_face_shadows() const;
     const kiln::level::CurveCorners* get_curve_corners() const;

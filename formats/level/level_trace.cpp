@@ -34,6 +34,7 @@ namespace kiln::level {
 namespace {
 
 constexpr double kRest = KILN_TRACE_DISTANCE, kContact = kRest / 2, kTouch = 1.0 / 1024;
+constexpr double kSupports = 1e-6; // map units: a plane nearer than this to a corner of a brush touches it
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -115,8 +116,67 @@ private:
     std::size_t size_ = 0;
 };
 
+// Edges and corners of a brush, from its own planes: each line of two of them as far as it is behind the others.
+struct Shape {
+    std::vector<std::array<double, 3>> corners;
+    struct Edge {
+        double way[3];       // unit
+        const double* end;   // one of its ends
+    };
+    std::vector<Edge> edges;
+};
+Shape shape_of(const Collision::Plane* first, const Collision::Plane* last) {
+    Shape out;
+    std::vector<const Collision::Plane*> own;
+    for (; first != last; ++first) own.push_back(first);
+    std::vector<std::array<double, 3>> ways;
+    for (std::size_t i = 0; i < own.size(); ++i)
+        for (std::size_t k = i + 1; k < own.size(); ++k) {
+            const double *m = own[i]->normal, *n = own[k]->normal;
+            double d[3] = {m[1] * n[2] - m[2] * n[1], m[2] * n[0] - m[0] * n[2], m[0] * n[1] - m[1] * n[0]};
+            const double square = dot3(d, d);
+            if (!(square > 1e-18)) continue; // as good as parallel: no edge that could be placed
+            // The point of the line nearest to the middle of nothing: p = (dm (n x d) + dn (d x m)) / d^2.
+            double at[3];
+            for (std::size_t x = 0; x < 3; ++x) {
+                const std::size_t y = (x + 1) % 3, z = (x + 2) % 3;
+                at[x] = (own[i]->distance * (n[y] * d[z] - n[z] * d[y]) + own[k]->distance * (d[y] * m[z] - d[z] * m[y])) / square;
+            }
+            const double length = std::sqrt(square);
+            for (double& x : d) x /= length;
+            double from = -kInfinity, to = kInfinity;
+            for (std::size_t o = 0; o < own.size() && from < to; ++o) {
+                if (o == i || o == k) continue;
+                const double slope = dot3(own[o]->normal, d), off = dot3(own[o]->normal, at) - own[o]->distance;
+                if (std::fabs(slope) < 1e-12) {
+                    if (off > 1e-6) to = from; // beside the brush
+                } else if (slope > 0) {
+                    to = std::min(to, -off / slope);
+                } else {
+                    from = std::max(from, -off / slope);
+                }
+            }
+            if (!(from < to) || from == -kInfinity || to == kInfinity) continue;
+            ways.push_back({d[0], d[1], d[2]});
+            for (const double t : {from, to}) out.corners.push_back({at[0] + t * d[0], at[1] + t * d[1], at[2] + t * d[2]});
+        }
+    for (std::size_t i = 0; i < ways.size(); ++i) out.edges.push_back({{ways[i][0], ways[i][1], ways[i][2]}, out.corners[2 * i].data()});
+    return out;
+}
+
+// A box that is turned against what it is swept through: half its size along its own axes, about its middle.
+struct Turned {
+    double axis[3][3], half[3];
+};
+
 class Sweep {
 public:
+    // `start`, `end`: of the box's middle.
+    Sweep(const Collision& c, const double start[3], const double end[3], const Turned& box, std::uint32_t mask)
+        : Sweep(c, start, end, reach_of(box, -1).data(), reach_of(box, 1).data(), mask) {
+        turned_ = &box;
+        for (std::size_t k = 0; k < 3; ++k) std::copy(box.axis[k], box.axis[k] + 3, axis_[k]);
+    }
     Sweep(const Collision& c, const double start[3], const double end[3], const double mins[3], const double maxs[3], std::uint32_t mask)
         : c_(c), contents_(mask & 0xffffffu), who_(mask & ~0xffffffu) {
         double largest = 1;
@@ -134,7 +194,8 @@ public:
         if (!(b.contents & contents_) || (who_ && !(b.stops & who_))) return;
         for (std::size_t k = 0; k < 3; ++k)
             if (b.lo[k] > hi_[k] || b.hi[k] < lo_[k]) return;
-        clip(brush, b);
+        if (turned_) clip_turned(brush, b);
+        else clip(brush, b);
     }
 
     // Triangles of the model's curves that the box comes by.
@@ -217,6 +278,8 @@ private:
     std::uint32_t contents_, who_;
     double start_[3], end_[3], mins_[3], maxs_[3];
     double lo_[3], hi_[3]; // of the way to the first contact so far, and kRest around
+    const Turned* turned_ = nullptr; // else the box is upright
+    double axis_[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}; // of the box
     double rounding_ = 0;
     double contact_ = 1, fraction_ = 1; // of the way to the first contact; of the way to where the box rests then
     // Brushes by their numbers, then triangles of displacements, then those of patches.
@@ -276,7 +339,10 @@ private:
     };
     Ends ends(const Collision::Plane& p) const {
         double at = p.distance; // where the box's own origin stands when the box touches the plane
-        for (std::size_t k = 0; k < 3; ++k) at -= p.normal[k] * (p.normal[k] < 0 ? maxs_[k] : mins_[k]);
+        if (turned_)
+            for (std::size_t k = 0; k < 3; ++k) at += std::fabs(dot3(p.normal, turned_->axis[k])) * turned_->half[k];
+        else
+            for (std::size_t k = 0; k < 3; ++k) at -= p.normal[k] * (p.normal[k] < 0 ? maxs_[k] : mins_[k]);
         return {dot3(p.normal, start_) - at, dot3(p.normal, end_) - at};
     }
     // One more plane of the body; false: the box stays before it.
@@ -313,12 +379,56 @@ private:
         const Collision::Plane* end = c_.planes.data() + b.first_plane + b.plane_count;
         for (const Collision::Plane* p = c_.planes.data() + b.first_plane; p != end; ++p)
             if (!cross(*p, way)) return;
+        pass(brush, way);
+    }
+    void pass(std::uint32_t brush, const Passage& way) {
         if (way.starts_in) {
             start_met_ = std::min(start_met_, std::uint64_t{brush});
             if (way.ends_in) all_solid_ = true, stop(-kInfinity, 0, brush, nullptr);
             return;
         }
         if (way.hit && way.enter < way.leave) stop(way.enter, way.rest, brush, way.hit);
+    }
+
+    static std::array<double, 3> reach_of(const Turned& box, double sign) {
+        std::array<double, 3> reach{};
+        for (std::size_t k = 0; k < 3; ++k)
+            for (std::size_t a = 0; a < 3; ++a) reach[k] += sign * std::fabs(box.axis[a][k]) * box.half[a];
+        return reach;
+    }
+
+    // The same for a turned box. The stored bevels are for upright ones; those for this one: its own faces' planes, and along
+    // each edge of the brush and each of the box where that plane supports the brush.
+    void clip_turned(std::uint32_t brush, const Collision::Brush& b) {
+        Passage way;
+        const Collision::Plane *first = c_.planes.data() + b.first_plane, *last = first;
+        for (; last != first + b.plane_count && last->side != KILN_NO_INDEX; ++last) // its own planes come first
+            if (!cross(*last, way)) return;
+        const Shape shape = shape_of(first, last);
+        if (shape.corners.empty()) return; // no volume
+        std::vector<Collision::Plane> planes;
+        planes.reserve(6 + 6 * shape.edges.size()); // `Passage::hit` points into it
+        // Through the corner farthest along a direction; false: the box stays before it. `on`: a point it has to touch, or null.
+        const auto stays_before = [&](double x, double y, double z, const double* on) {
+            const double length = std::sqrt(x * x + y * y + z * z);
+            if (!(length > 1e-9)) return false;
+            const double n[3] = {x / length, y / length, z / length};
+            double most = -kInfinity;
+            for (const auto& v : shape.corners) most = std::max(most, dot3(n, v.data()));
+            if (on && dot3(n, on) < most - kSupports) return false;
+            for (const Collision::Plane* p = first; p != last; ++p) // one of its own sides, which has a name
+                if (dot3(n, p->normal) > 1 - 1e-12 && std::fabs(most - p->distance) < kSupports) return false;
+            planes.push_back({{n[0], n[1], n[2]}, most, KILN_NO_INDEX});
+            return !cross(planes.back(), way);
+        };
+        for (const auto& a : axis_)
+            if (stays_before(a[0], a[1], a[2], nullptr) || stays_before(-a[0], -a[1], -a[2], nullptr)) return;
+        for (const auto& a : axis_)
+            for (const Shape::Edge& e : shape.edges) {
+                const double *w = e.way, x = a[1] * w[2] - a[2] * w[1], y = a[2] * w[0] - a[0] * w[2], z = a[0] * w[1] - a[1] * w[0];
+                if (stays_before(x, y, z, e.end) || stays_before(-x, -y, -z, e.end)) return;
+            }
+        pass(brush, way);
     }
 
     void clip(std::uint64_t number, const Curves::Triangle& t) {
@@ -351,9 +461,11 @@ private:
                       edge[0][0] * edge[1][1] - edge[0][1] * edge[1][0]))
             return; // no area: its neighbours have its edges
         if (!cross(planes[0], way) || !cross(planes[1], way)) return;
-        if (!cross_borders(1, 0, 0) || !cross_borders(0, 1, 0) || !cross_borders(0, 0, 1)) return;
+        for (const auto& a : axis_)
+            if (!cross_borders(a[0], a[1], a[2])) return;
         for (const auto& e : edge)
-            if (!cross_borders(0, -e[2], e[1]) || !cross_borders(e[2], 0, -e[0]) || !cross_borders(-e[1], e[0], 0)) return;
+            for (const auto& a : axis_)
+                if (!cross_borders(a[1] * e[2] - a[2] * e[1], a[2] * e[0] - a[0] * e[2], a[0] * e[1] - a[1] * e[0])) return;
         if (way.starts_in) return start_across(number, planes[0]);
         if (!way.hit || way.enter >= way.leave) return;
         // While the box is before the triangle's own plane, that is what parts them. Of a floor in many triangles, the one
@@ -418,6 +530,21 @@ auto brushes_of(const Collision& c, std::uint32_t model) {
 
 // Why there are no tables to trace in.
 kiln_status fault(const kiln_level& level) { return level.collision.status() == KILN_OK ? KILN_DAMAGED : level.collision.status(); }
+
+bool is_rotation(const double turn[3][3]) {
+    constexpr double kSlack = 1e-6;
+    for (int i = 0; i < 3; ++i)
+        for (int k = i; k < 3; ++k)
+            if (!(std::fabs(dot3(turn[i], turn[k]) - (i == k)) <= kSlack)) return false;
+    const double third[3] = {turn[0][1] * turn[1][2] - turn[0][2] * turn[1][1], turn[0][2] * turn[1][0] - turn[0][0] * turn[1][2], turn[0][0] * turn[1][1] - turn[0][1] * turn[1][0]};
+    return dot3(third, turn[2]) > 0;
+}
+// The place in the drawn model of a point of the world.
+void to_model(const kiln_pose& pose, const double world[3], double model[3]) {
+    double from_pivot[3];
+    for (int k = 0; k < 3; ++k) from_pivot[k] = world[k] - pose.origin[k] - pose.pivot[k];
+    for (int k = 0; k < 3; ++k) model[k] = pose.pivot[k] + dot3(pose.turn[k], from_pivot);
+}
 
 // No exception may cross the C interface; a deep tree's stack is all that is allocated.
 template <class Body> kiln_status guarded(const Body& body) {
@@ -532,6 +659,61 @@ kiln_status kiln_trace_model(const kiln_level* level, uint32_t model, const doub
     sweep.finish(*level, start, end, *trace);
     for (int k = 0; k < 3; ++k) trace->distance += trace->normal[k] * origin[k];
     return KILN_OK;
+}
+
+void kiln_turn_from_angles(const double angles[3], double turn[3][3]) {
+    double s[3], c[3]; // of pitch, yaw, roll
+    for (int k = 0; k < 3; ++k) {
+        const double quarter = angles[k] / 90; // right angles are exact
+        const double radians = angles[k] * 0.017453292519943295;
+        const int q = quarter == std::floor(quarter) && std::fabs(quarter) < 1e9 ? static_cast<int>(std::fmod(std::fmod(quarter, 4) + 4, 4)) : -1;
+        constexpr double kSine[4] = {0, 1, 0, -1};
+        s[k] = q >= 0 ? kSine[q] : std::sin(radians), c[k] = q >= 0 ? kSine[(q + 1) % 4] : std::cos(radians);
+    }
+    const double rows[3][3] = {{c[0] * c[1], c[0] * s[1], -s[0]},
+                               {s[2] * s[0] * c[1] - c[2] * s[1], s[2] * s[0] * s[1] + c[2] * c[1], s[2] * c[0]},
+                               {c[2] * s[0] * c[1] + s[2] * s[1], c[2] * s[0] * s[1] - s[2] * c[1], c[2] * c[0]}};
+    for (int i = 0; i < 3; ++i) std::copy(rows[i], rows[i] + 3, turn[i]);
+}
+
+kiln_status kiln_trace_posed_model(const kiln_level* level, uint32_t model, const kiln_pose* pose, const double start[3],
+                                   const double end[3], const double mins[3], const double maxs[3], uint32_t mask,
+                                   kiln_trace* trace) {
+    if (!level || !pose || !start || !end || !mins || !maxs || !trace || model >= level->info.models) return KILN_BAD_ARGUMENT;
+    return guarded([&] {
+        const Collision* c = level->get_collision();
+        if (!c) return fault(*level);
+        if (!usable(pose->pivot) || !usable(pose->origin) || !is_rotation(pose->turn)) return KILN_BAD_ARGUMENT;
+        if (!usable(start) || !usable(end) || !usable_box(mins, maxs)) return KILN_BAD_ARGUMENT;
+        Turned box{};
+        double middle[2][3], s[3], e[3];
+        for (std::size_t k = 0; k < 3; ++k) {
+            box.half[k] = (maxs[k] - mins[k]) / 2;
+            middle[0][k] = start[k] + (mins[k] + maxs[k]) / 2, middle[1][k] = end[k] + (mins[k] + maxs[k]) / 2;
+            for (std::size_t a = 0; a < 3; ++a) box.axis[k][a] = pose->turn[a][k];
+        }
+        to_model(*pose, middle[0], s), to_model(*pose, middle[1], e);
+        if (!usable(s) || !usable(e)) return KILN_BAD_ARGUMENT;
+        Sweep sweep(*c, s, e, box, mask);
+        for (const std::uint32_t b : brushes_of(*c, model)) sweep.take(b);
+        sweep.walk(c->curves, model);
+        sweep.finish(*level, start, end, *trace);
+        double normal[3] = {};
+        trace->distance -= dot3(trace->normal, pose->pivot);
+        for (std::size_t k = 0; k < 3; ++k)
+            for (std::size_t a = 0; a < 3; ++a) normal[k] += trace->normal[a] * pose->turn[a][k];
+        for (std::size_t k = 0; k < 3; ++k) trace->distance += normal[k] * (pose->pivot[k] + pose->origin[k]), trace->normal[k] = normal[k];
+        return KILN_OK;
+    });
+}
+
+kiln_status kiln_posed_model_point_contents(const kiln_level* level, uint32_t model, const kiln_pose* pose,
+                                            const double point[3], uint32_t* contents) {
+    constexpr double kNowhere[3] = {0, 0, 0};
+    if (!pose || !point || !contents || !usable(point) || !usable(pose->pivot) || !usable(pose->origin) || !is_rotation(pose->turn)) return KILN_BAD_ARGUMENT;
+    double p[3];
+    to_model(*pose, point, p);
+    return kiln_model_point_contents(level, model, kNowhere, p, contents);
 }
 
 kiln_status kiln_point_contents(const kiln_level* level, const double point[3], uint32_t* contents) {

@@ -302,6 +302,18 @@ Provenance provenance_of(const LevelContent& content) {
     return out;
 }
 
+SourceFiles source_files_of(const LevelContent& content) {
+    SourceFiles out;
+    out.names = content.source_files;
+    for (const FaceInfo& f : content.faces) out.faces.push_back(f.source_file);
+    for (const Brush& b : content.brushes) out.brushes.push_back(b.source_file);
+    for (const EntityInfo& e : content.entities) out.entities.push_back(e.source_file);
+    for (const LocalLight& l : content.lights) out.lights.push_back(l.source_file);
+    for (const Displacement& d : content.displacements) out.displacements.push_back(d.source_file);
+    for (const CurvedPatch& p : content.patches) out.patches.push_back(p.source_file);
+    return out;
+}
+
 // ---- Areas, occluders, water, bits
 
 template <class Row> std::uint32_t add_points(std::vector<Row>& points, const std::vector<Float3>& polygon) {
@@ -597,6 +609,8 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     if (!content.area_portals.empty()) file.add("AREA", lump(area_portals_of(content), info));
     if (!content.occluders.empty()) file.add("OCCL", lump(occluders_of(content), info));
     if (!content.waters.empty()) file.add("WATR", lump(waters_of(content), info));
+    if (!content.leaf_water_distance.empty()) file.add("LWTR", lump(WaterDistances{content.leaf_water_distance}, info));
+    if (!options.strip && !content.source_files.empty()) file.add("FILE", lump(source_files_of(content), info));
     BrushBlocks blocks;
     for (const Brush& b : content.brushes) blocks.bits.push_back(b.blocks);
     if (!blocks.bits.empty()) file.add("BBLK", lump(blocks, info));

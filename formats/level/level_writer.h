@@ -51,6 +51,7 @@ struct Brush { // inside = behind all planes
     std::vector<std::uint32_t> planes;
     std::int32_t source_entity = -1, source_id = -1, source_line = 0;
     std::vector<std::int32_t> source_sides; // parallel to planes
+    std::uint32_t source_file = 0;          // into LevelContent::source_files
     std::vector<Bevel> bevels;              // what it lacks for swept boxes: axial ones -x +x -y +y -z +z, then those of edges
     std::uint8_t blocks = 15; // 1 players, 2 NPCs, 4 bullets, 8 sight
 };
@@ -70,6 +71,7 @@ struct FaceInfo {
     bool curved = false; // its triangles lie in many planes; their corners are in LevelContent::curve_corners
     std::int32_t source_entity = -1, source_brush = -1, source_side = -1, source_line = 0;
     bool no_dynamic_shadow = false;
+    std::uint32_t source_file = 0;
 };
 struct ChartInfo {
     Double3 origin{}, s{}, t{};
@@ -87,6 +89,7 @@ struct LocalLight {
     double cos_inner = 1, cos_outer = 1, exponent = 1, angular_radius_rad = 0, angle_scale = 1;
     std::uint32_t style = 0;
     std::int32_t entity = -1, line = 0; // provenance
+    std::uint32_t source_file = 0;
 };
 struct Cube {
     Float3 position{};
@@ -133,6 +136,7 @@ struct OverlayInfo {
 struct EntityInfo {
     std::vector<std::pair<std::string, std::string>> keys;
     std::int32_t model = -1, source_id = -1, source_line = 0;
+    std::uint32_t source_file = 0;
 };
 struct AreaPortalInfo {
     std::int32_t entity = -1;
@@ -165,12 +169,14 @@ struct Displacement { // (2^power + 1)^2 vertices, row by row
     std::vector<std::array<float, 4>> multiblend;   // as many, or none
     std::vector<std::uint16_t> triangle_tags;       // 2 * 4^power, or none
     std::int32_t source_entity = -1, source_brush = -1, source_side = -1, source_line = 0;
+    std::uint32_t source_file = 0;
 };
 struct CurvedPatch { // columns * rows vertices, row by row
     std::uint32_t face = UINT32_MAX, model = 0, material = 0, columns = 0, rows = 0;
     std::vector<Float3> positions;
     std::vector<std::array<float, 2>> uv;
     std::int32_t source_entity = -1, source_patch = -1, source_line = 0;
+    std::uint32_t source_file = 0;
 };
 
 struct LevelContent {
@@ -208,6 +214,8 @@ struct LevelContent {
     std::vector<OccluderInfo> occluders;
     std::vector<WaterInfo> waters;
     std::vector<std::uint32_t> leaf_water; // per leaf, UINT32_MAX: dry; may be empty where there is no water
+    std::vector<float> leaf_water_distance; // per leaf, map units; infinite: sees none. Empty where there is no water
+    std::vector<std::string> source_files;  // files that source_file 1, 2, ... are; 0 is the map itself
     std::vector<OverlayInfo> overlays;
 };
 

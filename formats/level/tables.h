@@ -293,6 +293,14 @@ struct Waters {
     }
 };
 
+struct WaterDistances {
+    std::vector<float> of_leaf;
+    template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(of_leaf, info.leaves); }
+    void check(const kiln_info&) const {
+        for (const float d : of_leaf) require(d >= 0, "a leaf has an impossible distance to water");
+    }
+};
+
 struct BrushBlocks {
     std::vector<std::uint8_t> bits;
     template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(bits, info.brushes); }
@@ -591,6 +599,22 @@ struct Provenance {
         for (S& s : lights) s.brush = s.side = -1;
     }
     void check(const kiln_info&) const {}
+};
+
+struct SourceFiles { // of Provenance and CurveSources; 0: the map, else names[i - 1]
+    std::vector<std::string> names;
+    std::vector<std::uint32_t> faces, brushes, entities, lights, displacements, patches;
+    template <class Io> void io(Io& io, const kiln_info& info, bool) {
+        auto n = static_cast<std::uint32_t>(names.size()), d = static_cast<std::uint32_t>(displacements.size()), p = static_cast<std::uint32_t>(patches.size());
+        io.scalar(n), io.scalar(d), io.scalar(p);
+        io.strings(names, n);
+        io.column(faces, info.faces), io.column(brushes, info.brushes), io.column(entities, info.entities), io.column(lights, info.lights);
+        io.column(displacements, d), io.column(patches, p);
+    }
+    void check(const kiln_info&) const {
+        for (const auto* list : {&faces, &brushes, &entities, &lights, &displacements, &patches})
+            for (const std::uint32_t f : *list) require(f <= names.size(), "something is of a file that is not named");
+    }
 };
 
 } // namespace kiln::level

@@ -1,4 +1,4 @@
-// Tokens of VMF text. Private to the reader.
+// Tokens of VMF text, and of all else that is written in Valve's keys and values. Private to the readers.
 #pragma once
 #include <cstring>
 #include <string_view>

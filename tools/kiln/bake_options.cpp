@@ -43,7 +43,8 @@ void BakeOptions::add_to(CLI::App& command) {
     auto* input = command.add_option_group("Input");
     input->add_option("--materials", materials, "Material files (JSON), later ones win; NAME.materials.json beside the map is read by itself")->type_name("FILE");
     input->add_option("--textures", textures, "Folders of PNG textures named like the materials: size and mean colour are read")->type_name("DIR");
-    input->add_option("--game-dir", game_dir, "A game folder: its textures/, materials/ and lights.rad are read")->type_name("DIR");
+    input->add_option("--game-dir", game_dir, "A game folder: its textures/, materials/ (PNG, VMT with VTF), lights.rad and gfx/palette.lmp are read")->type_name("DIR");
+    input->add_option("--wad", wads, "Texture archives (WAD2, WAD3), besides those that worldspawn's \"wad\" names: sizes and mean colours are read")->type_name("FILE");
     input->add_option("--instance-path", instance_paths, "Folders where instances and prefabs are looked for, after those of the map that names them")->type_name("DIR");
     input->add_flag("--cordon", compile.assemble.cordon, "Build only what lies in the active cordons of a VMF, walled in with sky");
     input->add_option("--lights", lights_rad, "lights.rad files: emission by material name")->type_name("FILE");
@@ -100,13 +101,24 @@ Result<CompileInput> read_input(const BakeOptions& options, Context& context) {
 
     input.open = map_opener(options.map, options.instance_paths);
     Bytes texts = input.map.bytes; // of all files, for the textures they name
-    if (!texture_folders.empty()) {
+    const std::string_view map_text(reinterpret_cast<const char*>(texts.data()), texts.size());
+    std::vector<std::string> wads = options.wads;
+    if (!texture_folders.empty() || !wads.empty() || map_text.find("wad\"") != std::string_view::npos) {
         Context silent; // the build itself tells what is wrong with them
-        (void)assemble(input.map, [&](const std::string& wanted, const std::string& from) {
+        const auto document = assemble(input.map, [&](const std::string& wanted, const std::string& from) {
             Result<TextFile> file = input.open(wanted, from);
             if (file) texts.insert(texts.end(), file->bytes.begin(), file->bytes.end());
             return file;
         }, {}, silent);
+        if (document && document->format != MapFormat::vmf) {
+            const std::vector<std::string> named = wads_of_map(*document, options.game_dir, context);
+            wads.insert(wads.begin(), named.begin(), named.end());
+        }
+    }
+    for (const std::string& wad : wads) { // loose files below know better
+        auto found = materials_of_wad(wad, options.game_dir, texts, context);
+        if (!found) return found.fault();
+        input.materials.push_back(*std::move(found));
     }
     for (const std::string& folder : texture_folders) {
         auto found = materials_of_textures(folder, texts, context);

@@ -11,7 +11,7 @@ struct BakeOptions {
     std::string map, cache, log_format = "text", encoding = "dot", directional = "needed";
     std::vector<std::string> materials, textures, lights_rad;
     std::string game_dir;
-    std::vector<std::string> instance_paths;
+    std::vector<std::string> instance_paths, wads;
     CompileOptions compile;
     bool draft = false, final = false, error_given = false;
     double ambient_error = 0;

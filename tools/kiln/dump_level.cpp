@@ -1,6 +1,7 @@
 // Rows of what is in a level file, through its loader.
 #include "formats/level/kiln_level.hpp"
 #include "tools/kiln/dump_rows.h"
+#include <cmath>
 #include <map>
 #include <set>
 
@@ -35,6 +36,12 @@ kiln_source source_of(const kiln_level* l, kiln_status (*get)(const kiln_level*,
     return s;
 }
 
+Json file_of(const kiln_level* l, kiln_status (*get)(const kiln_level*, std::uint32_t, const char**), std::uint32_t i) {
+    const char* file = ""; // stripped, or of the map itself
+    get(l, i, &file);
+    return *file ? Json(file) : Json();
+}
+
 Rows dump_planes(const kiln_level* l) {
     Rows rows;
     const auto p = rows_of(l, kiln_level_planes);
@@ -51,8 +58,9 @@ Rows dump_leaves(const kiln_level* l) {
     Rows rows;
     const auto leaf = rows_of(l, kiln_level_leaves);
     const auto brushes = rows_of(l, kiln_level_leaf_brushes), faces = rows_of(l, kiln_level_leaf_faces);
+    const auto away = rows_of(l, kiln_level_leaf_water_distances);
     for (std::size_t i = 0; i < leaf.size(); ++i)
-        rows.push_back({{"leaf", i}, {"contents", name(static_cast<Contents>(leaf[i].contents))}, {"lo", row(leaf[i].lo)}, {"hi", row(leaf[i].hi)}, {"cluster", leaf[i].cluster}, {"area", leaf[i].area},
+        rows.push_back({{"leaf", i}, {"water_distance", i < away.size() && std::isfinite(away[i]) ? Json(away[i]) : Json()}, {"contents", name(static_cast<Contents>(leaf[i].contents))}, {"lo", row(leaf[i].lo)}, {"hi", row(leaf[i].hi)}, {"cluster", leaf[i].cluster}, {"area", leaf[i].area},
                         {"probe", index(leaf[i].probe)}, {"brushes", part(brushes, leaf[i].first_brush, leaf[i].brush_count)}, {"faces", part(faces, leaf[i].first_face, leaf[i].face_count)}});
     return rows;
 }
@@ -84,7 +92,7 @@ Rows dump_brushes(const kiln_level* l) {
         const kiln_source s = source_of(l, kiln_level_brush_source, i);
         Json sides = Json::array();
         for (const std::uint32_t p : planes.subspan(b[i].first_plane, b[i].plane_count)) sides.push_back({table[p].normal[0], table[p].normal[1], table[p].normal[2], table[p].distance});
-        rows.push_back({{"brush", s.brush}, {"index", i}, {"entity", s.entity}, {"line", s.line}, {"contents", name(static_cast<Contents>(b[i].contents))}, {"model", b[i].model}, {"planes", sides}});
+        rows.push_back({{"brush", s.brush}, {"index", i}, {"entity", s.entity}, {"file", file_of(l, kiln_level_brush_file, i)}, {"line", s.line}, {"contents", name(static_cast<Contents>(b[i].contents))}, {"model", b[i].model}, {"planes", sides}});
     }
     return rows;
 }
@@ -103,7 +111,7 @@ Rows dump_faces(const kiln_level* l) {
     const auto planes = rows_of(l, kiln_level_planes);
     for (std::uint32_t i = 0; i < f.size(); ++i) {
         const kiln_source s = source_of(l, kiln_level_face_source, i);
-        rows.push_back({{"face", i}, {"entity", s.entity}, {"brush", s.brush}, {"side", s.side}, {"line", s.line}, {"material", m[f[i].material].name}, {"model", f[i].model}, {"normal", row(planes[f[i].plane].normal)},
+        rows.push_back({{"face", i}, {"entity", s.entity}, {"brush", s.brush}, {"side", s.side}, {"file", file_of(l, kiln_level_face_file, i)}, {"line", s.line}, {"material", m[f[i].material].name}, {"model", f[i].model}, {"normal", row(planes[f[i].plane].normal)},
                         {"distance", planes[f[i].plane].distance}, {"flags", f[i].flags}, {"triangles", f[i].triangle_count}, {"tangent", row(f[i].tangent)}, {"bitangent", row(f[i].bitangent)},
                         {"chart", index(f[i].chart)}, {"probe", index(f[i].probe)}});
     }
@@ -185,7 +193,7 @@ Rows dump_entities(const kiln_level* l) {
             const char *key = "", *value = "";
             if (kiln_level_entity_key(l, e, k, &key, &value) == KILN_OK) keys.push_back({key, value});
         }
-        rows.push_back({{"entity", s.entity}, {"index", e}, {"line", s.line}, {"model", kiln_level_entity_model(l, e)}, {"keys", keys}});
+        rows.push_back({{"entity", s.entity}, {"index", e}, {"file", file_of(l, kiln_level_entity_file, e)}, {"line", s.line}, {"model", kiln_level_entity_model(l, e)}, {"keys", keys}});
     }
     return rows;
 }

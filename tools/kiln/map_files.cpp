@@ -37,6 +37,11 @@ void add_once(std::vector<fs::path>& list, fs::path path) {
 
 } // namespace
 
+std::optional<std::string> file_on_disk(const std::string& path) {
+    const std::optional<fs::path> found = on_disk(fs::path(path).lexically_normal());
+    return found ? std::optional(found->string()) : std::nullopt;
+}
+
 OpenMap map_opener(const std::string& main_map, const std::vector<std::string>& instance_paths) {
     return [=](const std::string& wanted, const std::string& from) -> Result<TextFile> {
         std::string spelled = wanted;

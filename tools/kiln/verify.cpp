@@ -88,6 +88,7 @@ Command verify_command(CLI::App& app) {
     return [o]() -> int {
         Console console;
         o->bake.settle(console);
+        o->verify.micro_gap = o->bake.compile.bsp.micro_gap;
         Context context = console.make_context(o->bake.thread_count());
         Checker checker = Checker::collecting(o->most);
         Compiled c;

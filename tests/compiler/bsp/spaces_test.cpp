@@ -180,6 +180,53 @@ TEST(BspAreas, SlopingPortalsHaveAPolygonToo) {
     for (const Vec3& v : p.winding) EXPECT_LE(depth(b.csg, b.csg.brushes[brush.at()], v), 1e-9);
 }
 
+// The portal stops short of the lintel, or the wall of the ceiling: below a micro gap that is closed, above it is the way around.
+TEST(BspAreas, MicroGapsJoinNoAreas) {
+    for (const double gap : {0.0625, 0.125, 0.25, 1.0})
+        for (const bool in_wall : {false, true}) {
+            SCOPED_TRACE(std::to_string(gap) + (in_wall ? " in the wall" : " at the portal"));
+            WorldBuilder w;
+            w.room({0, 0, 0}, {272, 128, 128});
+            w.box({128, 0, 0}, {144, 48, 128});
+            w.box({128, 80, 0}, {144, 128, in_wall ? 128 - gap : 128});
+            w.box({128, 48, 96}, {144, 80, 128});
+            w.point_entity("info_player_start", {64, 64, 32});
+            area_portal(w, {132, 48, 0}, {140, 80, in_wall ? 96 : 96 - gap}, "door");
+            const Built b = build(w.world);
+            const bool closed = gap < 0.2;
+            EXPECT_EQ(b.bsp.area_count, closed ? 2u : 1u);
+            EXPECT_EQ(b.count("areaportal-leak"), closed ? 0u : 1u);
+            EXPECT_EQ(b.count("micro-gap"), closed ? 1u : 0u);
+            EXPECT_EQ(area_at(b, {64, 64, 32}) == area_at(b, {200, 64, 32}), !closed);
+            if (closed) EXPECT_NE(first(b, "micro-gap")->message.find("between areas"), std::string::npos) << first(b, "micro-gap")->message;
+            else EXPECT_GE(b.bsp.area_portals.at(0).leak.size(), 2u);
+            for (const char* code : {"areaportal-one-side", "areaportal-closed", "areaportal-areas"}) EXPECT_EQ(b.count(code), 0u) << code;
+            for (const BspLeaf& l : b.bsp.leaves) // the slit itself belongs somewhere
+                EXPECT_EQ(l.area != 0, l.cluster.valid() && l.contents != Contents::area_portal);
+            EXPECT_EQ(build(w.world, {.micro_gap = 0}).bsp.area_count, 1u); // taken literally it is a way
+        }
+}
+
+TEST(BspAreas, WhatOnlyMicroGapsPartIsOneAreaWithoutAnAreaPortal) {
+    WorldBuilder w;
+    w.room({0, 0, 0}, {272, 128, 128});
+    w.box({128, 0, 0}, {144, 128, 127.875}); // two rooms, and no area portal
+    w.point_entity("info_player_start", {64, 64, 32});
+    const Built b = build(w.world);
+    EXPECT_EQ(b.bsp.area_count, 1u);
+    EXPECT_EQ(b.count("micro-gap"), 0u);
+}
+
+TEST(BspAreas, AThinSheetBetweenTwoPortalsIsAnArea) {
+    WorldBuilder w = two_rooms();
+    area_portal(w, {130, 48, 0}, {136, 80, 96});
+    area_portal(w, {136.125, 48, 0}, {142, 80, 96});
+    const Built b = build(w.world);
+    EXPECT_EQ(b.bsp.area_count, 3u);
+    for (const AreaPortal& p : b.bsp.area_portals) EXPECT_NE(p.areas[0], p.areas[1]);
+    for (const char* code : {"areaportal-leak", "areaportal-one-side", "areaportal-closed", "areaportal-areas", "micro-gap"}) EXPECT_EQ(b.count(code), 0u) << code;
+}
+
 // ---- Clusters
 
 TEST(BspClusters, LeavesOfAVisClusterShareOne) {

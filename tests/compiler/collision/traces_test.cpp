@@ -50,6 +50,11 @@ struct Arena {
         EXPECT_EQ(kiln_trace_model(level->get(), model, &origin.x, &start.x, &end.x, &mins.x, &maxs.x, mask, &t), KILN_OK);
         return t;
     }
+    kiln_trace posed(std::uint32_t model, const kiln_pose& pose, Vec3 start, Vec3 end, Vec3 mins, Vec3 maxs, std::uint32_t mask = KILN_MASK_PLAYERS) const {
+        kiln_trace t{};
+        EXPECT_EQ(kiln_trace_posed_model(level->get(), model, &pose, &start.x, &end.x, &mins.x, &maxs.x, mask, &t), KILN_OK);
+        return t;
+    }
     std::uint32_t contents(Vec3 p) const {
         std::uint32_t c = 0;
         EXPECT_EQ(kiln_point_contents(level->get(), &p.x, &c), KILN_OK);
@@ -101,6 +106,169 @@ WorldBuilder room_with(auto&& more) {
     return w;
 }
 Vec3 random_vector(std::mt19937_64& rng, double r) { return {uniform(rng, -r, r), uniform(rng, -r, r), uniform(rng, -r, r)}; }
+
+// ---- Models that have turned
+
+struct HalfSpace {
+    Vec3 normal;
+    double distance;
+};
+// Whether an intersection of half-spaces holds any point: then it has a corner, where three of their planes meet.
+bool holds_a_point(const std::vector<HalfSpace>& all, double slack) {
+    for (std::size_t i = 0; i < all.size(); ++i)
+        for (std::size_t j = i + 1; j < all.size(); ++j)
+            for (std::size_t k = j + 1; k < all.size(); ++k) {
+                const double volume = dot(all[i].normal, cross(all[j].normal, all[k].normal));
+                if (std::abs(volume) < 1e-9) continue;
+                const Vec3 p = (cross(all[j].normal, all[k].normal) * all[i].distance + cross(all[k].normal, all[i].normal) * all[j].distance +
+                                cross(all[i].normal, all[j].normal) * all[k].distance) / volume;
+                if (std::ranges::all_of(all, [&](const HalfSpace& h) { return dot(h.normal, p) <= h.distance + slack; })) return true;
+            }
+    return false;
+}
+Vec3 turned(const kiln_pose& pose, Vec3 v) { return vec(pose.turn[0]) * v.x + vec(pose.turn[1]) * v.y + vec(pose.turn[2]) * v.z; }
+// A brush of a model where its pose has put it, grown by a box [x + mins, x + maxs] meeting it: the sides of both.
+bool meet(const Arena& a, std::uint32_t brush, const kiln_pose& pose, Vec3 x, Vec3 mins, Vec3 maxs, double grow) {
+    std::vector<HalfSpace> all;
+    const kiln_brush& b = a.level->brushes()[brush];
+    for (std::uint32_t i = b.first_plane; i < b.first_plane + b.plane_count; ++i) {
+        const kiln_plane& p = a.level->planes()[a.level->brush_planes()[i]];
+        const Vec3 n = turned(pose, vec(p.normal));
+        all.push_back({n, p.distance - dot(vec(p.normal), vec(pose.pivot)) + dot(n, vec(pose.pivot) + vec(pose.origin))});
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+        Vec3 n{};
+        n[k] = 1;
+        all.push_back({n, x[k] + maxs[k] + grow}), all.push_back({-n, -(x[k] + mins[k] - grow)});
+    }
+    return holds_a_point(all, 1e-7);
+}
+kiln_pose pose_of(Vec3 pivot, Vec3 origin, Vec3 angles) {
+    kiln_pose p{{pivot.x, pivot.y, pivot.z}, {origin.x, origin.y, origin.z}, {}};
+    kiln_turn_from_angles(&angles.x, p.turn);
+    return p;
+}
+
+TEST(PosedTraces, AnglesTurnAsTheGamesTurn) {
+    const auto forward = [](Vec3 angles) { return turned(pose_of({}, {}, angles), {1, 0, 0}); };
+    const auto left = [](Vec3 angles) { return turned(pose_of({}, {}, angles), {0, 1, 0}); };
+    EXPECT_EQ(forward({0, 90, 0}), (Vec3{0, 1, 0}));  // yaw: left
+    EXPECT_EQ(forward({90, 0, 0}), (Vec3{0, 0, -1})); // pitch: down
+    EXPECT_EQ(left({0, 0, 90}), (Vec3{0, 0, 1}));     // roll: the left side goes up
+    EXPECT_EQ(forward({-450, 720, 0}), (Vec3{0, 0, 1}));
+    EXPECT_NEAR(length(forward({30, 40, 50}) - Vec3{std::cos(M_PI / 6) * std::cos(M_PI * 2 / 9), std::cos(M_PI / 6) * std::sin(M_PI * 2 / 9), -0.5}), 0, 1e-12);
+}
+
+// A door of 64 x 8 turned by 45 degrees about its hinge: closed forms.
+TEST(PosedTraces, ADoorThatStandsOpen) {
+    const Arena a(room_with([](WorldBuilder& w) {
+                      const ModelId door = w.model("func_door_rotating");
+                      w.box({0, -4, 0}, {64, 4, 100}, Contents::solid, door);
+                  }).world);
+    const kiln_pose pose = pose_of({0, 0, 0}, {0, 0, 0}, {0, 45, 0});
+    const Vec3 half{16, 16, 16}, n{std::sqrt(0.5), -std::sqrt(0.5), 0};
+    // Against its middle from the right, straight along its normal: the box meets it with an edge, 16 sqrt 2 before its centre.
+    const Vec3 middle = Vec3{32, 0, 50};
+    const Vec3 at = turned(pose, middle), from = at + n * 200;
+    const kiln_trace t = a.posed(1, pose, from, at, -half, half);
+    EXPECT_NEAR(length(vec(t.normal) - n), 0, 1e-12);
+    EXPECT_NEAR(length(vec(t.end) - at), 4 + 16 * std::sqrt(2.0) + kRest, 1e-9);
+    EXPECT_NEAR(t.distance, 4, 1e-9);
+    ASSERT_NE(t.brush, KILN_NO_INDEX);
+    EXPECT_NE(t.side, KILN_NO_INDEX);
+    // A point in it, and where it stood before it opened.
+    std::uint32_t contents = 0;
+    EXPECT_EQ(kiln_posed_model_point_contents(a.level->get(), 1, &pose, &at.x, &contents), KILN_OK);
+    EXPECT_EQ(contents, static_cast<std::uint32_t>(KILN_CONTENTS_SOLID));
+    EXPECT_EQ(kiln_posed_model_point_contents(a.level->get(), 1, &pose, &middle.x, &contents), KILN_OK);
+    EXPECT_EQ(contents, 0u);
+    // Down onto its corner edge at the top: a flat box on a flat top, whatever the turn.
+    const kiln_trace down = a.posed(1, pose, at + Vec3{0, 0, 200}, at, -half, half);
+    EXPECT_EQ(vec(down.normal), (Vec3{0, 0, 1}));
+    EXPECT_NEAR(down.end[2], 100 + 16 + kRest, 1e-9);
+}
+
+TEST(PosedTraces, WithoutATurnTheyAreThoseOfModels) {
+    std::mt19937_64 rng(3);
+    for (int round = 0; round < 20; ++round) {
+        WorldBuilder w;
+        const ModelId model = w.model("func_rotating");
+        random_hull(w, rng, {0, 0, 0}, 60, 3, Contents::solid, model);
+        const Arena a(w.world);
+        for (int i = 0; i < 200; ++i) {
+            const Vec3 origin = random_vector(rng, 50), start = random_vector(rng, 200), end = random_vector(rng, 200), mins = random_vector(rng, 20) - Vec3{20, 20, 20};
+            const Vec3 maxs = mins + random_vector(rng, 20) + Vec3{20, 20, 20};
+            const kiln_trace t = a.posed(1, pose_of({7, 8, 9}, origin, {}), start, end, mins, maxs), plain = a.of_model(1, origin, start, end, mins, maxs);
+            ASSERT_NEAR(t.fraction, plain.fraction, 1e-9);
+            ASSERT_NEAR(length(vec(t.normal) - vec(plain.normal)), 0, 1e-6);
+            ASSERT_NEAR(t.distance, plain.distance, 1e-6);
+            ASSERT_EQ(t.brush, plain.brush);
+            ASSERT_EQ(t.side, plain.side);
+            ASSERT_EQ(t.start_solid, plain.start_solid);
+            ASSERT_EQ(t.all_solid, plain.all_solid);
+        }
+    }
+}
+
+// Against brute force: the box never is in the brush, and where it is stopped the brush is near.
+TEST(PosedTraces, AgreeWithBruteForce) {
+    std::mt19937_64 rng(11);
+    std::size_t stopped = 0, passed = 0, inside = 0;
+    for (int round = 0; round < 40; ++round) {
+        WorldBuilder w;
+        const ModelId model = w.model("func_rotating");
+        random_hull(w, rng, {0, 0, 0}, 60, 3, Contents::solid, model);
+        const Arena a(w.world);
+        for (int i = 0; i < 60; ++i) {
+            const kiln_pose pose = pose_of(random_vector(rng, 60), random_vector(rng, 30), random_vector(rng, 180));
+            const Vec3 middle = vec(pose.pivot) + vec(pose.origin) - turned(pose, vec(pose.pivot));
+            const Vec3 start = middle + random_vector(rng, i % 10 == 0 ? 50 : 200), end = middle + random_vector(rng, 120), mins = random_vector(rng, 15) - Vec3{15, 15, 15};
+            const Vec3 maxs = i % 4 == 0 ? mins : mins + random_vector(rng, 15) + Vec3{15, 15, 15};
+            const kiln_trace t = a.posed(1, pose, start, end, mins, maxs);
+            const bool starts_in = meet(a, 0, pose, start, mins, maxs, -2 * kTouch);
+            if (t.start_solid || starts_in) {
+                ++inside;
+                if (starts_in) ASSERT_TRUE(t.start_solid);
+                else ASSERT_TRUE(meet(a, 0, pose, start, mins, maxs, 1e-6));
+                continue;
+            }
+            for (int s = 0; s <= 12; ++s) ASSERT_FALSE(meet(a, 0, pose, start + (vec(t.end) - start) * (s / 12.0), mins, maxs, -1e-6)) << round << " " << i;
+            if (t.fraction == 1) {
+                ++passed;
+                continue;
+            }
+            ++stopped;
+            // On to where it comes within half the rest of its plane; a box grown by a little then meets the brush.
+            const Vec3 way = normalize(end - start);
+            const double closing = -dot(way, vec(t.normal));
+            ASSERT_GT(closing, 0);
+            ASSERT_TRUE(meet(a, 0, pose, vec(t.end) + way * (kRest / 2 / closing), mins, maxs, 4 * kRest)) << round << " " << i;
+        }
+    }
+    EXPECT_GT(stopped, 200u);
+    EXPECT_GT(passed, 200u);
+    EXPECT_GT(inside, 20u);
+}
+
+TEST(PosedTraces, WhatIsNoRotationIsRefused) {
+    const Arena a(room_with([](WorldBuilder& w) { w.box({0, -4, 0}, {64, 4, 100}, Contents::solid, w.model("func_rotating")); }).world);
+    const Vec3 from{-200, 0, 50}, to{200, 0, 50}, half{8, 8, 8}, low = -half;
+    kiln_trace t{};
+    const auto trace = [&](const kiln_pose& pose) { return kiln_trace_posed_model(a.level->get(), 1, &pose, &from.x, &to.x, &low.x, &half.x, KILN_MASK_PLAYERS, &t); };
+    const kiln_pose good = pose_of({}, {}, {10, 20, 30});
+    EXPECT_EQ(trace(good), KILN_OK);
+    kiln_pose bad = good;
+    for (double& x : bad.turn[1]) x = -x; // mirrored
+    EXPECT_EQ(trace(bad), KILN_BAD_ARGUMENT);
+    bad = good, bad.turn[0][0] *= 1.01;
+    EXPECT_EQ(trace(bad), KILN_BAD_ARGUMENT);
+    bad = good, bad.turn[2][1] = NAN;
+    EXPECT_EQ(trace(bad), KILN_BAD_ARGUMENT);
+    bad = good, bad.origin[0] = 1e9;
+    EXPECT_EQ(trace(bad), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_trace_posed_model(a.level->get(), 2, &good, &from.x, &to.x, &low.x, &half.x, KILN_MASK_PLAYERS, &t), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_trace_posed_model(a.level->get(), 1, nullptr, &from.x, &to.x, &low.x, &half.x, KILN_MASK_PLAYERS, &t), KILN_BAD_ARGUMENT);
+}
 
 TEST(Traces, ABoxFallsToTheFloorAndSlidesThere) {
     const Arena a(room_with([](WorldBuilder&) {}).world);

@@ -1,6 +1,7 @@
 // Two rooms and a door through the real geometry stages, light by hand: what the loader says must be what the stages
 // said. Everything goes through the file.
 #include "compiler/pack/pack.h"
+#include "compiler/pack/water_distance.h"
 #include "formats/level/kiln_level.hpp"
 #include "tests/support/world_builder.h"
 #include <gtest/gtest.h>
@@ -113,6 +114,78 @@ protected:
 };
 
 } // namespace
+
+// Three rooms in a row, a pool in the first; the third sees nothing of it.
+TEST(PackedWater, DistancesAreToTheNearestSurfaceInSight) {
+    WorldBuilder b;
+    b.room({0, 0, 0}, {768, 256, 128});
+    b.box({248, 0, 0}, {264, 224, 128}), b.box({504, 32, 0}, {520, 256, 128}); // narrow doorways at opposite sides
+    b.box({0, 0, 0}, {64, 256, 32}, Contents::water);
+    b.point_entity("info_player_start", {128, 128, 64});
+    Context context;
+    const Csg csg = *build_csg(b.world, {}, context);
+    const Bsp bsp = *build_bsp(b.world, csg, {}, context);
+    const Visibility seen = *compute_visibility(vis_portals(bsp), bsp.cluster_count, {}, context);
+    Visibility blind = seen;
+    std::ranges::fill(blind.rows, 0);
+    for (std::uint32_t c = 0; c < bsp.cluster_count; ++c) blind.rows[c * blind.words_per_row() + c / 64] |= std::uint64_t{1} << c % 64;
+    const std::vector<float> away = leaf_water_distances(bsp, seen), alone = leaf_water_distances(bsp, blind);
+    ASSERT_EQ(away.size(), bsp.leaves.size());
+    std::size_t in_sight = 0, without = 0;
+    for (std::size_t l = 0; l < bsp.leaves.size(); ++l) {
+        const BspLeaf& leaf = bsp.leaves[l];
+        if (!leaf.cluster.valid()) {
+            EXPECT_EQ(away[l], INFINITY);
+            continue;
+        }
+        // The pool's boundary to the air: its top, and its side at x = 64 up to z = 32. All of it may be seen or none.
+        const Box3& box = leaf.bounds;
+        const double to_top = std::hypot(std::max(0.0, box.lo.x - 64), std::max(0.0, box.lo.z - 32));
+        const bool wet = leaf.contents == Contents::water;
+        if (std::isfinite(away[l])) {
+            ++in_sight;
+            EXPECT_NEAR(away[l], wet ? 0 : to_top, 1e-4) << l;
+        } else {
+            ++without;
+            EXPECT_GE(box.lo.x, 264);
+        }
+        EXPECT_EQ(std::isfinite(alone[l]), wet) << l;
+    }
+    EXPECT_GT(in_sight, 2u);
+    EXPECT_GT(without, 0u);
+}
+
+TEST_F(PackedRooms, NamesTheFilesOfInstances) {
+    b.world.file = "/home/someone/maps/test.map";
+    b.world.included = {"/home/someone/maps/parts/../parts/stairs.vmf", "/home/someone/prefabs/lamp.map"};
+    b.world.brushes[3].file = 1, b.world.entities.back().file = 2;
+    const Bytes bytes = pack(input(), {}, context);
+    const level::Level level(bytes);
+    std::size_t brushes = 0, faces = 0, entities = 0;
+    const char* file = nullptr;
+    for (std::uint32_t i = 0; i < level.brushes().size(); ++i) {
+        ASSERT_EQ(kiln_level_brush_file(level.get(), i, &file), KILN_OK);
+        kiln_source source{};
+        kiln_level_brush_source(level.get(), i, &source);
+        const bool from_there = source.line == b.world.brushes[3].line;
+        EXPECT_STREQ(file, from_there ? "parts/stairs.vmf" : "");
+        brushes += from_there;
+    }
+    EXPECT_EQ(brushes, 1u);
+    for (std::uint32_t i = 0; i < level.faces().size(); ++i) {
+        ASSERT_EQ(kiln_level_face_file(level.get(), i, &file), KILN_OK);
+        faces += std::string(file) == "parts/stairs.vmf";
+        EXPECT_EQ(*file != 0, b.world.brush_of(surfaces.faces[i].side) == id<BrushId>(3));
+    }
+    EXPECT_GT(faces, 0u);
+    for (std::uint32_t i = 0; i < b.world.entities.size(); ++i) {
+        ASSERT_EQ(kiln_level_entity_file(level.get(), i, &file), KILN_OK);
+        entities += std::string(file) == "../prefabs/lamp.map";
+    }
+    EXPECT_EQ(entities, 1u);
+    b.world.file = "elsewhere/test.map", b.world.included = {"elsewhere/parts/stairs.vmf", "prefabs/lamp.map"};
+    EXPECT_EQ(pack(input(), {}, context), bytes); // not where on this machine
+}
 
 TEST_F(PackedRooms, SurvivesTheFile) {
     const Bytes bytes = pack(input(), {}, context);

@@ -166,6 +166,28 @@ TEST_F(Ridge, PhongGroupsStayApart) {
     EXPECT_EQ(std::ranges::count(build(b.world, false, 1, none).surfaces.charts, true, &Chart::smooth), 3);
 }
 
+// Quake 2: the value of a row is the number of its group, not a set of bits; the usual angle unless a key says more.
+TEST_F(Ridge, ValuesOfQuake2RowsAreGroups) {
+    b.world.format = MapFormat::quake_valve220;
+    const auto smooth = [&] {
+        const std::vector<Vec3> normals = at_ridge(build(b.world).surfaces, 1);
+        EXPECT_FALSE(normals.empty());
+        return std::ranges::all_of(normals, [](Vec3 n) { return std::abs(n.x) < 1e-6; });
+    };
+    side(0).smoothing_groups = 3, side(1).smoothing_groups = 3;
+    EXPECT_FALSE(smooth()); // the ridge folds by 90, the usual angle is 89
+    b.world.entities[0].keys.push_back({"_phong_angle", "91", 1});
+    EXPECT_TRUE(smooth());
+    side(1).smoothing_groups = 1; // shares a bit, is another group
+    EXPECT_FALSE(smooth());
+    side(0).smoothing_groups = 0x01000001, side(1).smoothing_groups = 0x01000001; // hard edges are a matter of VMF
+    EXPECT_TRUE(smooth());
+    side(0).smoothing_groups = 0; // the key alone, and a group
+    EXPECT_FALSE(smooth());
+    b.world.entities[0].keys.push_back({"_phong_group", "5", 1}); // of the brush's entity: wins over rows
+    EXPECT_TRUE(smooth());
+}
+
 TEST_F(Ridge, PhongKeysSmoothUpToTheirAngle) {
     b.world.entities[0].keys.push_back({"_phong_angle", "89", 1}); // the ridge folds by 90
     EXPECT_EQ(std::ranges::count(build(b.world).surfaces.charts, true, &Chart::smooth), 3); // slopes with the floor: 45

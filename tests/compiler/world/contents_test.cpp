@@ -202,6 +202,17 @@ TEST(Contents, EveryBitOfQuake2Rows) {
     }
 }
 
+TEST(Contents, ValuesOfQuake2RowsAreGroups) {
+    Context c;
+    const World w = of_map(entity("worldspawn", box({"e1u1/x"}, {0, 0, 0}, {64, 64, 64}, " 1 0 7") + box({"e1u1/x"}, {0, 0, 0}, {64, 64, 64}, " 1 1 900") +
+                                                    box({"e1u1/x"}, {0, 0, 0}, {64, 64, 64}, " 1 0 -3")), c);
+    EXPECT_EQ(w.sides.at(0).smoothing_groups, 7u);
+    EXPECT_EQ(w.sides.at(6).smoothing_groups, 0u); // the brightness of a light
+    EXPECT_EQ(w.sides.at(12).smoothing_groups, 0u);
+    const World q3 = of_map(entity("worldspawn", box({"common/caulk"}, {0, 0, 0}, {64, 64, 64}, " 1 0 7")), c);
+    EXPECT_EQ(q3.sides.at(0).smoothing_groups, 0u);
+}
+
 TEST(Contents, UnknownBitsOfQuake2RowsAreOneNote) {
     Context c;
     of_map(entity("worldspawn", box({"e1u1/x"}, {0, 0, 0}, {64, 64, 64}, " 1024 0 0") + box({"e1u1/x"}, {0, 0, 0}, {64, 64, 64}, " 1 2048 0")), c);

@@ -172,6 +172,7 @@ TEST(World, OriginBrushesNameTheMiddleOfTheirBox) {
     EXPECT_EQ(w->brushes.size(), 2u);
     EXPECT_TRUE(w->entities[1].has_origin);
     EXPECT_NEAR(length(w->entities[1].origin - Vec3{10, 22.5, 40}), 0, 1e-9);
+    EXPECT_EQ(w->entities[1].get("origin"), "10 22.5 40"); // what a game turns the model about
     EXPECT_EQ(count(c, "origin-brush-in-world"), 1u);
 }
 

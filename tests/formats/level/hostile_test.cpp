@@ -82,6 +82,19 @@ int use_everything(const Bytes& bytes) {
     EXPECT_TRUE(last == last || last != last);
     kiln_source source{};
     kiln_level_displacement_source(level, 1, &source), kiln_level_patch_source(level, 1, &source);
+    for (auto* get : {kiln_level_face_file, kiln_level_brush_file, kiln_level_entity_file, kiln_level_light_file, kiln_level_displacement_file, kiln_level_patch_file})
+        for (std::uint32_t i = 0; i < 8; ++i)
+            if (const char* file = nullptr; get(level, i, &file) == KILN_OK) last += static_cast<float>(std::strlen(file));
+    std::size_t leaves = 0;
+    const float* away = kiln_level_leaf_water_distances(level, &leaves);
+    for (std::size_t i = 0; i < leaves; ++i) last = std::min(last, away[i]);
+    const kiln_pose pose{{1, 2, 3}, {4, 5, 6}, {{0, 1, 0}, {-1, 0, 0}, {0, 0, 1}}};
+    const double from[3] = {-300, 20, 30}, to[3] = {300, -10, 40}, low[3] = {-16, -16, -24}, high[3] = {16, 16, 32};
+    for (std::uint32_t m = 0; m < std::min(info.models, 5u); ++m) {
+        kiln_trace t{};
+        std::uint32_t held = 0;
+        kiln_trace_posed_model(level, m, &pose, from, to, low, high, 0xffffff, &t), kiln_posed_model_point_contents(level, m, &pose, from, &held);
+    }
     for (std::uint32_t e = 0; e < std::min(info.entities, 40u); ++e) kiln_level_entity_value(level, e, "key1");
     std::size_t overlays = 0, parts = 0, corners = 0;
     const kiln_overlay* overlay = kiln_level_overlays(level, &overlays);

@@ -3,6 +3,7 @@
 #include "formats/level/tables.h"
 #include "tests/formats/level/sample_level.h"
 #include <algorithm>
+#include <cmath>
 #include <gtest/gtest.h>
 #include <random>
 
@@ -18,6 +19,11 @@ LevelContent sample() {
     c.waters.push_back({4, 32.5f, -8, true, 1});
     c.waters.push_back({6, 99, 1, false, UINT32_MAX});
     for (std::size_t l = 0; l < c.leaves.size(); ++l) c.leaf_water.push_back(l % 3 == 2 ? UINT32_MAX : static_cast<std::uint32_t>(l % 3));
+    for (std::size_t l = 0; l < c.leaves.size(); ++l) c.leaf_water_distance.push_back(l % 4 == 3 ? INFINITY : static_cast<float>(l) / 2);
+    c.source_files = {"parts/a.vmf", "../b.map"};
+    for (std::size_t b = 0; b < c.brushes.size(); ++b) c.brushes[b].source_file = b % 3;
+    for (std::size_t f = 0; f < c.faces.size(); ++f) c.faces[f].source_file = (f + 1) % 3;
+    c.entities.at(1).source_file = 2, c.lights.at(0).source_file = 1, c.displacements.at(1).source_file = 2, c.patches.at(0).source_file = 1;
     for (std::size_t b = 0; b < c.brushes.size(); ++b) c.brushes[b].blocks = static_cast<std::uint8_t>(b % 16);
     c.faces.at(1).no_dynamic_shadow = true;
     return c;
@@ -61,6 +67,31 @@ TEST(LevelSpaces, ComeBackAsTheyWere) {
         EXPECT_EQ(level.waters()[1].material, KILN_NO_INDEX);
         EXPECT_TRUE(std::ranges::equal(level.leaf_waters(), c.leaf_water));
 
+        EXPECT_TRUE(std::ranges::equal(level.leaf_water_distances(), c.leaf_water_distance));
+
+        const char* file = nullptr;
+        if (strip) {
+            EXPECT_EQ(kiln_level_face_file(level.get(), 0, &file), KILN_MISSING);
+            EXPECT_EQ(kiln_level_patch_file(level.get(), 0, &file), KILN_MISSING);
+        } else {
+            const std::string names[] = {"", "parts/a.vmf", "../b.map"};
+            for (std::uint32_t b = 0; b < c.brushes.size(); ++b) {
+                ASSERT_EQ(kiln_level_brush_file(level.get(), b, &file), KILN_OK);
+                EXPECT_EQ(file, names[b % 3]);
+            }
+            for (std::uint32_t f = 0; f < c.faces.size(); ++f) {
+                ASSERT_EQ(kiln_level_face_file(level.get(), f, &file), KILN_OK);
+                EXPECT_EQ(file, names[(f + 1) % 3]);
+            }
+            const auto is = [&](auto get, std::uint32_t i, const std::string& name) {
+                ASSERT_EQ(get(level.get(), i, &file), KILN_OK);
+                EXPECT_EQ(file, name);
+            };
+            is(kiln_level_entity_file, 0, ""), is(kiln_level_entity_file, 1, "../b.map"), is(kiln_level_light_file, 0, "parts/a.vmf");
+            is(kiln_level_displacement_file, 1, "../b.map"), is(kiln_level_patch_file, 0, "parts/a.vmf"), is(kiln_level_patch_file, 1, "");
+            EXPECT_EQ(kiln_level_brush_file(level.get(), static_cast<std::uint32_t>(c.brushes.size()), &file), KILN_BAD_ARGUMENT);
+        }
+
         ASSERT_EQ(level.brush_blocks().size(), c.brushes.size());
         for (std::size_t b = 0; b < c.brushes.size(); ++b) EXPECT_EQ(level.brush_blocks()[b], b % 16);
         ASSERT_EQ(level.face_no_dynamic_shadow().size(), c.faces.size());
@@ -75,11 +106,15 @@ TEST(LevelSpaces, AreNotThereWhereThereIsNothingToSay) {
     EXPECT_TRUE(level.occluders().empty());
     EXPECT_TRUE(level.waters().empty());
     EXPECT_TRUE(level.leaf_waters().empty());
+    EXPECT_TRUE(level.leaf_water_distances().empty());
+    const char* file = nullptr;
+    ASSERT_EQ(kiln_level_face_file(level.get(), 0, &file), KILN_OK); // all of the map itself
+    EXPECT_STREQ(file, "");
     EXPECT_TRUE(level.face_no_dynamic_shadow().empty());
     for (std::size_t i = 0; i < kiln_level_lump_count(level.get()); ++i) {
         kiln_lump lump{};
         kiln_level_lump(level.get(), i, &lump);
-        for (const char* name : {"AREA", "OCCL", "WATR", "FSHD"}) EXPECT_STRNE(lump.name, name);
+        for (const char* name : {"AREA", "OCCL", "WATR", "LWTR", "FILE", "FSHD"}) EXPECT_STRNE(lump.name, name);
     }
     size_t count = 7;
     EXPECT_EQ(kiln_level_waters(nullptr, &count), nullptr);
@@ -100,6 +135,10 @@ TEST(LevelSpaces, WhatNamesNothingIsRefused) {
     refuses("occluder polygon", [](LevelContent& c) { c.occluders[0].polygons[0].pop_back(); });
     refuses("material", [](LevelContent& c) { c.waters[0].material = static_cast<std::uint32_t>(c.materials.size()); });
     refuses("water", [](LevelContent& c) { c.leaf_water[0] = 2; });
+    refuses("distance", [](LevelContent& c) { c.leaf_water_distance[0] = -1; });
+    refuses("no number", [](LevelContent& c) { c.leaf_water_distance[1] = NAN; });
+    refuses("distances", [](LevelContent& c) { c.leaf_water_distance.pop_back(); });
+    refuses("file", [](LevelContent& c) { c.faces[0].source_file = 3; });
     refuses("leaves", [](LevelContent& c) { c.leaf_water.pop_back(); });
 }
 
@@ -125,6 +164,10 @@ TEST(LevelSpaces, LyingLumpsNeverCrash) {
             }
             if constexpr (std::is_same_v<Table, AreaPortals>) {
                 for (const auto& p : table.rows) EXPECT_LE(std::size_t{p.first_point} + p.point_count, table.points.size());
+            }
+            if constexpr (std::is_same_v<Table, SourceFiles>) {
+                for (const std::uint32_t f : table.brushes) EXPECT_LE(f, table.names.size());
+                for (const std::uint32_t f : table.patches) EXPECT_LE(f, table.names.size());
             }
             if constexpr (std::is_same_v<Table, Waters>) {
                 for (const std::uint32_t w : table.of_leaf) EXPECT_TRUE(w == KILN_NO_INDEX || w < table.rows.size());
@@ -152,6 +195,9 @@ TEST(LevelSpaces, LyingLumpsNeverCrash) {
     waters.of_leaf = {0, KILN_NO_INDEX, 0, 0};
     check(Waters{}, info, bytes_of(waters));
     check(BrushBlocks{}, info, Blob(3));
+    check(WaterDistances{}, info, bytes_of(WaterDistances{{0, 1.5f, INFINITY, 99}}));
+    SourceFiles files{{"a.vmf", "parts/b.vmf"}, {0, 1, 2, 0, 1}, {0, 1, 2}, {0, 2}, {}, {1}, {2, 0}};
+    check(SourceFiles{}, info, bytes_of(files));
     check(FaceShadows{}, info, Blob(5));
 }
 

@@ -1,5 +1,6 @@
 // Files that a map names, as they lie on disk: Windows spellings on a case-sensitive file system.
 #include "tests/support/program.h"
+#include <cstring>
 
 using namespace kiln::test;
 
@@ -109,4 +110,100 @@ TEST(Files, AnInstanceInTheLevelBringsItsOverlay) {
     const Outcome built = w.run({"build", map, "-o", w.path("room.kiln"), "--draft"});
     EXPECT_EQ(built.code, 0) << built.said;
     EXPECT_EQ(w.run({"info", w.path("room.kiln"), "--check"}).code, 0);
+    const Outcome faces = w.run({"dump", "faces", w.path("room.kiln")}); // says of each face which file it is of
+    EXPECT_EQ(faces.code, 0) << faces.said;
+    EXPECT_NE(faces.out.find("floor.vmf"), std::string::npos) << faces.out;
+    EXPECT_EQ(faces.out.find(w.path("floor.vmf")), std::string::npos) << faces.out;
+}
+
+namespace {
+
+std::string little(std::uint64_t v, int size) {
+    std::string s;
+    for (int i = 0; i < size; ++i) s += static_cast<char>(v >> 8 * i & 255);
+    return s;
+}
+std::string padded(std::string s, std::size_t size) {
+    s.resize(size);
+    return s;
+}
+// One texture of Quake, all texels of one colour.
+std::string wad2(const std::string& name, int width, int height, char colour) {
+    std::string texture = padded(name, 16) + little(static_cast<std::uint64_t>(width), 4) + little(static_cast<std::uint64_t>(height), 4);
+    std::size_t next = 40;
+    for (int m = 0; m < 4; ++m) texture += little(next, 4), next += static_cast<std::size_t>((width >> m) * (height >> m));
+    texture.resize(next, colour);
+    return "WAD2" + little(1, 4) + little(12 + texture.size(), 4) + texture + little(12, 4) + little(texture.size(), 4) + little(texture.size(), 4) + "D" + little(0, 3) + padded(name, 16);
+}
+} // namespace
+
+TEST(Files, AManifestJoinsQuakeMaps) {
+    const Workplace w;
+    w.write("a.map", world(box(0, 0, 0, 1, 1, 1)) + entity("light", 1, 2, 3));
+    w.write("b.map", world(box(9, 0, 0, 10, 1, 1)) + entity("info_player_start", 4, 5, 6));
+    const Outcome o = w.run({"dump", "document", w.write("both.vmm", "\"Maps\"\n{\n\"VMF\"\n{\n\"File\" \"a.map\"\n}\n\"VMF\"\n{\n\"File\" \"b.map\"\n}\n}\n")});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_EQ(brushes(o), 2u) << o.out;
+    EXPECT_TRUE(o.out.find("light") != std::string::npos && o.out.find("info_player_start") != std::string::npos) << o.out;
+}
+
+TEST(Files, WadsOfTheMapGiveSizesAndColours) {
+    const Workplace w;
+    write(w, "game/wads/Base.wad", wad2("WALL", 128, 32, 1));
+    std::string palette = padded("", 768);
+    palette[3] = palette[4] = palette[5] = static_cast<char>(255);
+    const std::string map = w.write("m.map", world("\"wad\" \"C:\\quake\\base.wad;gone.wad\"\n" + box(0, 0, 0, 64, 64, 64)));
+    const auto materials = [&](std::vector<std::string> more) {
+        std::vector<std::string> words{"dump", "world", map};
+        words.insert(words.end(), more.begin(), more.end());
+        return w.run(words);
+    };
+    Outcome o = materials({});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(says(o, "[wad-missing]")) << o.said;
+    EXPECT_TRUE(says(o, "base.wad")) << o.said;
+    o = materials({"--game-dir", w.path("game")});
+    EXPECT_TRUE(says(o, "[wad-palette]")) << o.said;
+    EXPECT_TRUE(says(o, "not found: gone.wad;")) << o.said;
+    EXPECT_NE(o.out.find("128"), std::string::npos) << o.out;
+    write(w, "game/GFX/palette.lmp", palette);
+    o = materials({"--game-dir", w.path("game")});
+    EXPECT_FALSE(says(o, "[wad-palette]")) << o.said;
+    EXPECT_NE(o.out.find("[0.89999"), std::string::npos) << o.out; // white, as white as surfaces are
+    o = materials({"--wad", w.path("none.wad")});
+    EXPECT_EQ(o.code, 3) << o.said;
+    o = materials({"--wad", w.write("bad.wad", "WAD3")});
+    EXPECT_EQ(o.code, 3) << o.said;
+    EXPECT_TRUE(says(o, "[texture-unreadable]")) << o.said;
+}
+
+TEST(Files, MaterialsOfSourceSayWhatTheirSurfacesAre) {
+    const Workplace w;
+    const auto vtf = [](int width, int height, float grey) {
+        std::string head = padded("VTF", 4) + little(7, 4) + little(2, 4) + little(80, 4) + little(static_cast<std::uint64_t>(width), 2) + little(static_cast<std::uint64_t>(height), 2) + padded("", 12);
+        std::uint32_t bits = 0;
+        std::memcpy(&bits, &grey, 4);
+        return padded(head + little(bits, 4) + little(bits, 4) + little(bits, 4), 200);
+    };
+    write(w, "game/materials/Nature/Pond.vmt", "Water { $basetexture nature\\pond_surface %compilewater 1 }");
+    write(w, "game/materials/nature/pond_surface.vtf", vtf(256, 1024, 0.25f));
+    write(w, "game/materials/nature/fence.vmt", "patch { include \"materials/nature/base.vmt\" replace { $alphatest 1 } }");
+    write(w, "game/materials/nature/base.vmt", "LightmappedGeneric { $basetexture nature/pond_surface $bumpmap nature/bump }");
+    write(w, "game/materials/nature/broken.vmt", "}");
+    std::string solids;
+    for (const char* name : {"nature/pond", "NATURE/FENCE", "nature/broken"}) {
+        std::string text = solid(static_cast<int>(solids.size()));
+        for (std::size_t at = 0; (at = text.find("\"wall\"", at)) != std::string::npos;) text.replace(at, 6, "\"" + std::string(name) + "\"");
+        solids += text;
+    }
+    const std::string map = w.write("m.vmf", vmf(solids));
+    const Outcome m = w.run({"dump", "world", map, "--game-dir", w.path("game")});
+    EXPECT_EQ(m.code, 0) << m.said;
+    EXPECT_NE(m.out.find("1024"), std::string::npos) << m.out;
+    EXPECT_NE(m.out.find("nature/bump.vtf"), std::string::npos) << m.out;
+    EXPECT_NE(m.out.find("0.25"), std::string::npos) << m.out;
+    EXPECT_TRUE(says(m, "broken.vmt:1: warning")) << m.said;
+    const Outcome b = w.run({"dump", "brushes", map, "--game-dir", w.path("game")});
+    EXPECT_NE(b.out.find("water"), std::string::npos) << b.out;
+    EXPECT_NE(b.out.find("grate"), std::string::npos) << b.out;
 }

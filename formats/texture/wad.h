@@ -1,0 +1,30 @@
+// Texture archives of Quake (WAD2) and Half-Life (WAD3): names, sizes, mean colours.
+//
+// In       bytes of the archive; for WAD2 those of the palette (768), which is the game's and not in the archive
+// Out      its textures in the order of its directory; other entries are passed over
+// Errors   texture-unreadable: no archive, or a directory that is not all there (a fault); a texture that is not (a warning,
+//          and it is left out). No length is believed before it is checked against the file. Format: FORMAT.md
+#pragma once
+#include "libs/core/context.h"
+#include "libs/core/result.h"
+#include "libs/math/vec.h"
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace kiln {
+
+struct WadTexture {
+    std::string name;         // as stored: with the `*`, `{`, `+` it begins with
+    int width = 0, height = 0;
+    std::optional<Rgbd> mean; // linear colour, of the opaque texels; none: no palette, or none is opaque
+};
+struct Wad {
+    bool own_palettes = false; // WAD3
+    std::vector<WadTexture> textures;
+};
+Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::uint8_t> palette, const std::string& file, Context& context);
+
+} // namespace kiln

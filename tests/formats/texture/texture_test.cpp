@@ -1,0 +1,199 @@
+// WAD, VTF and VMT: made by hand here, read back, cut short and spoiled.
+#include "formats/texture/vmt.h"
+#include "formats/texture/vtf.h"
+#include "formats/texture/wad.h"
+#include "libs/image/image.h"
+#include <cmath>
+#include <cstring>
+#include <gtest/gtest.h>
+#include <random>
+
+namespace kiln {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+void put(Bytes& b, std::uint64_t v, int size) {
+    for (int i = 0; i < size; ++i) b.push_back(static_cast<std::uint8_t>(v >> 8 * i));
+}
+void put_name(Bytes& b, const std::string& name) {
+    for (std::size_t i = 0; i < 16; ++i) b.push_back(i < name.size() ? static_cast<std::uint8_t>(name[i]) : 0);
+}
+struct Picture {
+    std::string name;
+    std::uint32_t width, height;
+    Bytes texels;
+};
+Bytes palette_of_greys() {
+    Bytes p;
+    for (int i = 0; i < 256; ++i) p.insert(p.end(), 3, static_cast<std::uint8_t>(i));
+    return p;
+}
+Bytes wad_of(const std::vector<Picture>& pictures, bool half_life) {
+    Bytes out{'W', 'A', 'D', static_cast<std::uint8_t>(half_life ? '3' : '2')}, directory;
+    put(out, pictures.size() + 1, 4), put(out, 0, 4);
+    const auto list = [&](std::size_t at, std::size_t size, std::uint8_t type, const std::string& name) {
+        put(directory, at, 4), put(directory, size, 4), put(directory, size, 4), put(directory, type, 1), put(directory, 0, 3), put_name(directory, name);
+    };
+    list(12, 0, 0x40, "palette"); // something else
+    for (const Picture& p : pictures) {
+        const std::size_t at = out.size();
+        put_name(out, p.name), put(out, p.width, 4), put(out, p.height, 4);
+        std::size_t next = 40;
+        for (std::uint32_t m = 0; m < 4; ++m) put(out, next, 4), next += std::size_t{p.width >> m} * (p.height >> m);
+        out.insert(out.end(), p.texels.begin(), p.texels.end());
+        out.resize(at + next, 7); // smaller sizes
+        if (half_life) {
+            put(out, 256, 2);
+            for (const std::uint8_t c : palette_of_greys()) out.push_back(static_cast<std::uint8_t>(255 - c));
+        }
+        list(at, out.size() - at, half_life ? 0x43 : 0x44, p.name);
+    }
+    const std::size_t at = out.size();
+    for (int i = 0; i < 4; ++i) out[8 + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(at >> 8 * i);
+    out.insert(out.end(), directory.begin(), directory.end());
+    return out;
+}
+Bytes filled(std::size_t n, std::uint8_t low, std::uint8_t high) { // half of each
+    Bytes b(n, low);
+    std::fill(b.begin(), b.begin() + static_cast<std::ptrdiff_t>(n / 2), high);
+    return b;
+}
+double linear(int v) { return linear_from_srgb(static_cast<float>(v) / 255.0f); }
+
+TEST(Wad, SizesAndMeanColours) {
+    const std::vector<Picture> pictures{{"WALL1", 64, 32, filled(64 * 32, 0, 200)}, {"{fence", 16, 16, filled(256, 255, 80)}, {"{nothing", 16, 16, filled(256, 255, 255)}, {"*lava1", 32, 64, filled(2048, 10, 10)}};
+    for (const bool half_life : {false, true}) {
+        Context c;
+        const auto wad = read_wad(wad_of(pictures, half_life), palette_of_greys(), "x.wad", c);
+        ASSERT_TRUE(wad);
+        EXPECT_EQ(wad->own_palettes, half_life);
+        ASSERT_EQ(wad->textures.size(), 4u);
+        const auto grey = [&](int i) { return linear(half_life ? 255 - i : i); };
+        EXPECT_EQ(wad->textures[0].name, "WALL1");
+        EXPECT_EQ(wad->textures[0].width, 64);
+        EXPECT_EQ(wad->textures[0].height, 32);
+        EXPECT_NEAR(wad->textures[0].mean->x, (grey(0) + grey(200)) / 2, 1e-6);
+        EXPECT_NEAR(wad->textures[1].mean->y, grey(80), 1e-6); // holes do not count
+        EXPECT_FALSE(wad->textures[2].mean);
+        EXPECT_NEAR(wad->textures[3].mean->z, grey(10), 1e-6);
+        EXPECT_TRUE(c.diagnostics().empty());
+    }
+    Context c;
+    const auto wad = read_wad(wad_of(pictures, false), {}, "x.wad", c); // no palette: no colours
+    ASSERT_TRUE(wad);
+    EXPECT_EQ(wad->textures[0].width, 64);
+    EXPECT_FALSE(wad->textures[0].mean);
+}
+
+TEST(Wad, WhatIsCutShortIsTold) {
+    const Bytes good = wad_of({{"a", 16, 16, filled(256, 1, 2)}, {"b", 16, 16, filled(256, 3, 4)}}, true);
+    for (std::size_t size = 0; size < good.size(); ++size) { // the directory stands at the end
+        Context c;
+        const std::vector<std::uint8_t> cut(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size));
+        const auto wad = read_wad(cut, {}, "x.wad", c);
+        ASSERT_FALSE(wad) << size;
+        EXPECT_EQ(wad.fault().diagnostic.code, "texture-unreadable");
+        EXPECT_EQ(wad.fault().diagnostic.where.file, "x.wad");
+    }
+    Bytes bad = good; // the first texture claims to be wide
+    bad[12 + 16 + 1] = 0x10;
+    Context c;
+    const auto wad = read_wad(bad, {}, "x.wad", c);
+    ASSERT_TRUE(wad);
+    ASSERT_EQ(wad->textures.size(), 1u);
+    EXPECT_EQ(wad->textures[0].name, "b");
+    ASSERT_EQ(c.diagnostics().size(), 1u);
+    EXPECT_EQ(c.diagnostics()[0].code, "texture-unreadable");
+    EXPECT_NE(c.diagnostics()[0].message.find("'a'"), std::string::npos);
+}
+
+TEST(Wad, SpoiledBytesNeverCrash) {
+    std::mt19937_64 random(4);
+    for (const bool half_life : {false, true}) {
+        const Bytes good = wad_of({{"a", 16, 16, filled(256, 1, 2)}, {"{b", 8, 24, filled(192, 3, 255)}}, half_life);
+        for (int i = 0; i < 20000; ++i) {
+            Bytes bad = good;
+            for (int k = 0; k <= i % 4; ++k) { // the heads, mostly
+                const std::size_t at = i % 3 == 0 ? random() % bad.size() : i % 3 == 1 ? random() % 64 : bad.size() - 1 - random() % 96;
+                bad[at] = static_cast<std::uint8_t>(random());
+            }
+            if (i % 7 == 0) bad.resize(random() % (bad.size() + 1));
+            Context c;
+            const auto wad = read_wad(bad, palette_of_greys(), "x.wad", c);
+            if (!wad) continue;
+            for (const WadTexture& t : wad->textures) {
+                EXPECT_LE(static_cast<std::size_t>(t.width) * static_cast<std::size_t>(t.height), bad.size());
+                EXPECT_TRUE(!t.mean || (t.mean->x >= 0 && t.mean->x <= 1));
+            }
+        }
+    }
+}
+
+Bytes vtf_of(std::uint32_t width, std::uint32_t height, float r, float g, float b, std::uint32_t minor = 2) {
+    Bytes out{'V', 'T', 'F', 0};
+    put(out, 7, 4), put(out, minor, 4), put(out, 80, 4), put(out, width, 2), put(out, height, 2), put(out, 0, 12);
+    for (const float v : {r, g, b}) {
+        std::uint32_t bits = 0;
+        std::memcpy(&bits, &v, 4);
+        put(out, bits, 4);
+    }
+    out.resize(80);
+    return out;
+}
+
+TEST(Vtf, SizeAndReflectivity) {
+    const auto head = read_vtf_head(vtf_of(512, 256, 0.25f, 0.5f, 0.125f), "x.vtf");
+    ASSERT_TRUE(head);
+    EXPECT_EQ(head->width, 512);
+    EXPECT_EQ(head->height, 256);
+    EXPECT_EQ(head->reflectivity, (Rgbd{0.25, 0.5, 0.125}));
+    const auto odd = read_vtf_head(vtf_of(4, 4, NAN, -3, 7), "x.vtf");
+    ASSERT_TRUE(odd);
+    EXPECT_EQ(odd->reflectivity, (Rgbd{0, 0, 1}));
+    EXPECT_FALSE(read_vtf_head(vtf_of(0, 4, 0, 0, 0), "x.vtf"));
+    EXPECT_FALSE(read_vtf_head(vtf_of(4, 4, 0, 0, 0, 9), "x.vtf"));
+    const Bytes good = vtf_of(4, 4, 0, 0, 0);
+    for (std::size_t size = 0; size < kVtfHeadBytes; ++size) EXPECT_FALSE(read_vtf_head(Bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)), "x.vtf"));
+}
+
+TEST(Vmt, KeysOfTheShaderAlone) {
+    const auto vmt = read_vmt("\xEF\xBB\xBF// made by hand\n\"LightmappedGeneric\"\n{\n\t\"$BaseTexture\" \"Brick/Wall01\" // here\n $alpha .5 [$X360]\n $alpha 0.75 [!$X360]\n"
+                              "\"%CompileWater\" 1\n\"%compileClip\" \"0\"\nLightmappedGeneric_DX6\n{\n$basetexture other\n}\n\"Proxies\" { \"Sine\" { \"resultVar\" \"$alpha\" } }\n$nocull 1\n}\n", "x.vmt");
+    ASSERT_TRUE(vmt);
+    EXPECT_EQ(vmt->shader, "lightmappedgeneric");
+    ASSERT_TRUE(vmt->find("$basetexture"));
+    EXPECT_EQ(*vmt->find("$basetexture"), "Brick/Wall01");
+    EXPECT_EQ(*vmt->find("$alpha"), "0.75");
+    EXPECT_TRUE(vmt->is_set("%compilewater"));
+    EXPECT_FALSE(vmt->is_set("%compileclip"));
+    EXPECT_FALSE(vmt->is_set("%compilesky"));
+    EXPECT_TRUE(vmt->is_set("$nocull")); // what follows the blocks counts again
+    EXPECT_FALSE(vmt->find("resultvar"));
+    EXPECT_EQ(vmt->keys.size(), 6u);
+}
+
+TEST(Vmt, PatchesNameWhatTheyPatch) {
+    const auto vmt = read_vmt("patch { include \"materials/a\\b.vmt\" insert { $alpha 0.5 } replace { $basetexture c } other { $nocull 1 } }", "x.vmt");
+    ASSERT_TRUE(vmt);
+    EXPECT_EQ(vmt->include, "materials/a\\b.vmt");
+    EXPECT_EQ(vmt->keys.size(), 2u);
+    EXPECT_EQ(*vmt->find("$basetexture"), "c");
+    EXPECT_FALSE(vmt->find("$nocull"));
+}
+
+TEST(Vmt, AnyTextIsReadOrRefused) {
+    for (const char* text : {"", "   // nothing", "{", "}", "shader", "shader key", "\"", "{}"}) EXPECT_FALSE(read_vmt(text, "x.vmt")) << text;
+    for (const char* text : {"s {", "s { a", "s { a b", "s { { { {", "s { } } } }", "s { a { b c } d e", "s { \"a\" \"b"}) EXPECT_TRUE(read_vmt(text, "x.vmt")) << text;
+    std::mt19937_64 random(8);
+    const std::string alphabet = "{}\"\n[] /$%ab1.";
+    for (int i = 0; i < 20000; ++i) {
+        std::string text = i % 2 ? "s{" : "patch{";
+        for (std::uint64_t n = random() % 60; n-- > 0;) text += alphabet[random() % alphabet.size()];
+        (void)read_vmt(text, "x.vmt");
+    }
+    EXPECT_TRUE(read_vmt("s " + std::string(1000000, '{'), "x.vmt")); // no recursion to run out of
+}
+
+} // namespace
+} // namespace kiln
