@@ -21,7 +21,7 @@ std::string mark(std::size_t kind, double x, double y, const char* colour, bool 
     case 2: return fmt::format("<path d='M{:.1f} {:.1f}l4.4 7.4h-8.8z' {}", x, y - 4.9, style);
     case 3: return fmt::format("<path d='M{:.1f} {:.1f}l4.4 -7.4h-8.8z' {}", x, y + 4.9, style);
     case 4: return fmt::format("<path d='M{:.1f} {:.1f}l4.8 4.8l-4.8 4.8l-4.8-4.8z' {}", x, y - 4.8, style);
-    case 5: return fmt::format("<path d='M{:.1f} {:.1f}h4v-3h3v3h0v0h-0v3h-3v0h-4z' {}", x - 3.5, y, style);
+    case 5: return fmt::format("<path d='M{:.1f} {:.1f}h3v3.2h3.2v3h-3.2v3.2h-3v-3.2h-3.2v-3h3.2z' {}", x - 1.5, y - 4.7, style);
     default: return fmt::format("<path d='M{0:.1f} {1:.1f}l4.6 3.4l-1.8 5.4h-5.6l-1.8-5.4z' {2}", x, y - 4.6, style);
     }
 }

@@ -97,6 +97,16 @@ void sweep(const LightScene& scene, const Truth& truth, const SweepOptions& opti
     }
 }
 
+std::vector<FrontPoint> pareto(std::span<const FrontPoint> points) {
+    std::vector<FrontPoint> front;
+    for (const FrontPoint& p : points)
+        if (std::ranges::none_of(points, [&](const FrontPoint& q) {
+                return q.scene == p.scene && q.error <= p.error && q.cost <= p.cost && (q.error < p.error || q.cost < p.cost);
+            }))
+            front.push_back(p);
+    return front;
+}
+
 std::string write_front(std::span<const FrontPoint> front) {
     std::string out = "scene,target_percent,error_percent,cost_million_rays\n";
     for (const FrontPoint& p : front) out += fmt::format("{},{:g},{:.4g},{:.4g}\n", p.scene, p.target, p.error, p.cost);

@@ -22,6 +22,8 @@ struct FrontPoint {
     double target = 0, error = 0; // percent
     double cost = 0;              // million rays of the tracer
 };
+// Without the points that another one beats in both.
+std::vector<FrontPoint> pareto(std::span<const FrontPoint> points);
 std::string write_front(std::span<const FrontPoint> front);
 Result<std::vector<FrontPoint>> read_front(std::string_view text, const std::string& file);
 // What the stored point's error costs now, over what it cost then. Points of the same scene count as they are where they are
