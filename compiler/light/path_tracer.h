@@ -40,7 +40,12 @@ struct NearLights {
 
 struct PathTracer {
     const LightField::Data& d;
+    std::uint64_t* rays = nullptr; // counts them, where it is given
     const NearLights* near = nullptr; // none: every light is asked
+
+    void count() const {
+        if (rays) ++*rays;
+    }
 
     double density_of(const Choice& choice, std::uint32_t e, Vec3 d_to, double cosine) const { // solid angle
         const double p = choice.total() > 0 ? choice.probability(e) : 0;
@@ -60,6 +65,7 @@ struct PathTracer {
         *way = to / r;
         const double cosine = -dot(*way, emitter.normal);
         if (cosine <= 1e-12 || (!(n == Vec3{}) && dot(*way, n) <= 0)) return false;
+        count();
         if (d.scene.occluded(x, y + emitter.normal * d.scene.push_off())) return false;
         const double p = density_of(choice, e, to, cosine);
         *weight = emitter.radiance / (p + other(*way));
@@ -70,6 +76,7 @@ struct PathTracer {
         LightSample s;
         const double a = random(), b = random();
         if (!sample_light(light, x, n, {a, b}, &s)) return {};
+        count();
         if (!(s.distant ? d.scene.reaches_sky(x, s.direction) : !d.scene.occluded(x, s.position))) return {};
         return s.weight * dot(s.direction, n) + s.ambient;
     }

@@ -55,6 +55,7 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached)
             sum += throughput * weight * (dot(way, n) / kPi);
         const double a = random(), b = random();
         const Vec3 next = frame_around(n).world(cosine_hemisphere({a, b}));
+        count();
         const std::optional<SceneHit> found = d.scene.closest(x, next);
         if (!found) {
             sum += throughput * d.sky;

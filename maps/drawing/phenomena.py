@@ -198,6 +198,63 @@ def quake_room():
                trim: {"reflectance": [0.25, 0.25, 0.28]}}
 
 
+def tube():
+    from .brushes import octagon
+    m = Map("A tube ten times as long as wide, a lamp at its foot, a black lid: light falls by four decades along it.")
+    inner, outer = octagon(0, 0, 32), octagon(0, 0, 48)
+    for i in range(8):
+        j = (i + 1) % 8
+        m.add(prism([inner[i], outer[i], outer[j], inner[j]], 0, 640, {**faces(NODRAW), "side": GREY}, lightmap=8))
+    m.add(prism(outer, -16, 0, faces(NODRAW, zp=LAMP), lightmap=8), prism(outer, 640, 656, faces(NODRAW, zm=BLACK), lightmap=8))
+    start(m, 0, 0)
+    return m, plain(GREY, LAMP, BLACK)
+
+
+def maze():
+    m = Map("Walls of one unit: a lamp in one corner, a way of eight turns to the other, a closet without a door.")
+    m.add(room((0, 0, 0), (257, 256, 64), GREY, lightmap=8))
+    def w(x0, y0, x1, y1): m.add(box((x0, y0, 0), (x1, y1, 64), WHITE, lightmap=8))
+    w(64, 0, 65, 192), w(128, 64, 129, 256), w(192, 0, 193, 192)  # to and fro
+    w(0, 96, 32, 97), w(65, 128, 96, 129), w(160, 96, 192, 97)    # baffles
+    w(193, 63, 257, 64)                                           # the closet: x from 193, y below 63
+    m.add(box((16, 16, 62), (48, 48, 64), faces(BLACK, zm=LAMP), lightmap=8))
+    start(m, 32, 64)
+    return m, plain(WHITE, GREY, LAMP, BLACK)
+
+
+def hall():
+    m = Map("A hall under 200 small lamps, with windows to sun and sky on one side and pillars in its midst.", skyname="sky_day")
+    walls = room((0, 0, 0), (640, 384, 192), faces(WHITE, zm=GREY, xp=RED), lightmap=16)
+    del walls[4]  # y = 0 has the windows
+    m.add(walls)
+    m.add(slab_with_holes(1, (0, -16, 0), (640, 0, 192), [((64 + 144 * i, 56), (144 + 144 * i, 152)) for i in range(4)], faces(WHITE, ym=NODRAW), lightmap=16))
+    m.add(box((0, -48, 0), (640, -32, 192), SKY))
+    m.add(box((0, -32, 192), (640, -16, 208), SKY), box((0, -32, -16), (640, -16, 0), SKY), box((-16, -32, 0), (0, -16, 192), SKY), box((640, -32, 0), (656, -16, 192), SKY))
+    for x in (160, 320, 480): m.add(box((x - 12, 180, 0), (x + 12, 204, 192), GREY, lightmap=16))
+    for i in range(20):
+        for j in range(10):
+            x, y = 12 + 32 * i, 14 + 36 * j
+            m.entity("func_detail", box((x, y, 190), (x + 8, y + 8, 192), faces(BLACK, zm=LAMP), lightmap=16))
+    m.entity("light_environment", origin=(320, 192, 96), angles="-40 70 0", pitch="-40", _light="255 240 215 600",
+             _ambient="170 200 255 150", SunSpreadAngle="0")
+    start(m, 40, 192)
+    return m, plain(WHITE, GREY, RED, LAMP, BLACK)
+
+
+def canyon():
+    m = Map("A street between houses under sun and sky: outdoors, most of what a luxel sees is sky or sunlit wall.", skyname="sky_day")
+    sky = {d: SKY for d in ("x-", "x+", "y-", "y+", "z+")}
+    m.add(room((0, 0, 0), (768, 512, 384), {**sky, "z-": GREY}, lightmap=16))
+    for i, (h, colour) in enumerate([(256, WHITE), (160, RED), (208, WHITE), (288, GREEN)]):
+        m.add(box((64 + 160 * i, 64, 0), (64 + 160 * i + (160 if i % 2 else 128), 192, h), colour, lightmap=16))
+    for i, (h, colour) in enumerate([(192, GREY), (288, WHITE), (128, GREEN)]):
+        m.add(box((80 + 208 * i, 304, 0), (80 + 208 * i + 176, 448, h), colour, lightmap=16))
+    m.entity("light_environment", origin=(384, 248, 96), angles="-50 60 0", pitch="-50", _light="255 240 215 800",
+             _ambient="170 200 255 250", SunSpreadAngle="1")
+    start(m, 384, 248)
+    return m, plain(WHITE, GREY, RED, GREEN)
+
+
 VMF = {"furnace": furnace, "cornell": cornell, "two_rooms": two_rooms, "corridor": corridor, "thin_wall": thin_wall,
        "sun_room": sun_room, "spot_room": spot_room, "detail_room": detail_room, "leak_room": leak_room,
-       "brush_entity": brush_entity, "terrain": terrain}
+       "brush_entity": brush_entity, "terrain": terrain, "tube": tube, "maze": maze, "hall": hall, "canyon": canyon}

@@ -16,5 +16,6 @@ Command sample_command(CLI::App& app);
 Command gather_command(CLI::App& app);
 Command reference_command(CLI::App& app);
 Command explain_command(CLI::App& app);
+Command bench_command(CLI::App& app);
 
 } // namespace kiln

@@ -89,6 +89,7 @@ int main(int argc, char** argv) {
         {"sample", {"Evaluate what a level stores at given points", sample_command}},
         {"gather", {"Directional integrals at given points by the baking code", gather_command}},
         {"reference", {"The same integrals path-traced, with standard errors", reference_command}},
+        {"bench", {"Measure error against time", bench_command}},
         {"explain", {"Explain a diagnostic code or exit code", explain_command}},
     };
     std::vector<std::pair<CLI::App*, Command>> runners;

@@ -1,0 +1,231 @@
+#include "tools/light_bench/measure.h"
+#include "libs/core/file.h"
+#include "libs/parallel/parallel.h"
+#include "libs/sampling/maps.h"
+#include <algorithm>
+#include <ctime>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
+#include <malloc.h>
+
+namespace kiln::bench {
+namespace {
+
+using rivals::Irradiance;
+constexpr std::uint32_t kTruthVersion = 1; // raise it when what is kept means something else
+
+// `count` luxels drawn by the area of their footprints.
+std::vector<std::uint32_t> draw_luxels(std::span<const std::uint32_t> shown, std::span<const rivals::Receiver> receivers, std::uint32_t count) {
+    std::vector<double> cumulative;
+    double area = 0;
+    for (const rivals::Receiver& r : receivers) cumulative.push_back(area += r.footprint.area());
+    std::vector<std::uint32_t> out;
+    Random random(5);
+    for (std::uint32_t i = 0; i < count && area > 0; ++i) { // one in each of equal strata
+        const auto at = std::ranges::lower_bound(cumulative.begin(), cumulative.end() - 1, area * (i + random()) / count) - cumulative.begin();
+        out.push_back(shown[static_cast<std::size_t>(at)]);
+    }
+    return out;
+}
+
+// Peak memory since the last reset, kB; 0 where the system does not tell.
+double status_kb(const char* key) {
+    std::ifstream status("/proc/self/status");
+    for (std::string line; std::getline(status, line);)
+        if (line.starts_with(key)) return std::stod(line.substr(std::string(key).size()));
+    return 0;
+}
+void reset_peak() {
+    malloc_trim(0);
+    std::ofstream("/proc/self/clear_refs") << "5";
+}
+
+// Rays by the cosine from points on lit surfaces, in bundles as the bake shoots them.
+double calibrate(const rivals::Scene& scene, std::span<const rivals::Receiver> receivers) {
+    if (receivers.empty()) return 0;
+    constexpr std::uint32_t kBundle = 256, kBundles = 1200;
+    std::vector<Vec3> origins(kBundle), ways(kBundle);
+    std::vector<std::optional<SceneHit>> hits(kBundle);
+    double best = 1e300;
+    for (int repeat = 0; repeat < 3; ++repeat) { // the least disturbed
+        const double start = cpu_seconds();
+        for (std::uint32_t b = 0; b < kBundles; ++b) {
+            const rivals::Receiver& r = receivers[b % receivers.size()];
+            const Sobol points(b);
+            const Frame frame = frame_around(r.normal);
+            for (std::uint32_t i = 0; i < kBundle; ++i) {
+                origins[i] = r.point + r.normal * scene.trace().push_off();
+                ways[i] = frame.world(cosine_hemisphere(points.pair(i, 0)));
+            }
+            scene.trace().closest(origins, ways, hits);
+        }
+        best = std::min(best, cpu_seconds() - start);
+    }
+    return kBundle * kBundles / best;
+}
+
+template <class Per> std::array<double, 4> root_mean_square(const Truth& truth, const Per& per) { // of per(luxel, direction, channel) / floor
+    std::array<double, 4> out{};
+    const std::size_t n = truth.value.size();
+    for (std::size_t d = 0; d < 4; ++d) {
+        double sum = 0;
+        for (std::size_t c = 0; c < 3; ++c) {
+            double level = 0;
+            for (const Irradiance& e : truth.value) level += e[d][c] / static_cast<double>(n);
+            if (!(level > 0)) continue; // no light of this colour
+            for (std::size_t i = 0; i < n; ++i) sum += std::pow(per(i, d, c) / std::max(truth.value[i][d][c], 0.02 * level), 2);
+        }
+        out[d] = n ? 100 * std::sqrt(sum / static_cast<double>(3 * n)) : 0;
+    }
+    return out;
+}
+std::array<double, 4> noise_of(const Truth& truth) {
+    return root_mean_square(truth, [&](std::size_t i, std::size_t d, std::size_t c) { return truth.error[i][d][c]; });
+}
+
+} // namespace
+
+double cpu_seconds() {
+    timespec t{};
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Context& context) {
+    ByteWriter key;
+    key(kTruthVersion, hash_of(in.surfaces), hash_of(in.world.materials), hash_of(in.lights), settings.points, settings.paths, settings.replicates, settings.most_rounds,
+        settings.noise_percent);
+    const std::string file = settings.cache.empty() ? "" : fmt::format("{}/{}.{}.truth", settings.cache, in.name, to_hex(hash_bytes(key.bytes)));
+    if (std::error_code ignored; !file.empty() && std::filesystem::exists(file, ignored)) {
+        if (const auto bytes = read_file(file)) {
+            try {
+                return from_bytes<Truth>(*bytes);
+            } catch (const ArchiveError&) { // cut short: as good as absent
+            }
+        }
+    }
+    const rivals::Scene scene(in.world, in.surfaces, in.lights);
+    const std::vector<std::uint32_t> shown = rivals::shown_luxels(scene, context);
+    Truth truth;
+    truth.shown = static_cast<std::uint32_t>(shown.size());
+    truth.luxels = draw_luxels(shown, rivals::receivers_of(scene, shown), settings.points);
+    const std::vector<rivals::Receiver> receivers = rivals::receivers_of(scene, truth.luxels);
+    const std::size_t n = receivers.size();
+    std::vector<Irradiance> sum(n), square(n);
+    truth.value.resize(n), truth.error.resize(n);
+    double count = 0;
+    for (std::uint32_t round = 0; round < settings.most_rounds; ++round) {
+        for (std::uint32_t k = 0; k < settings.replicates; ++k) {
+            const auto method = rivals::path_tracing(scene, {.paths = settings.paths, .seed = 1000 + round * settings.replicates + k});
+            const std::vector<Irradiance> got = method->light(receivers, context);
+            for (std::size_t i = 0; i < n; ++i)
+                for (std::size_t d = 0; d < 4; ++d) sum[i][d] += got[i][d], square[i][d] += got[i][d] * got[i][d];
+            ++count;
+        }
+        truth.paths += std::uint64_t{settings.replicates} * settings.paths;
+        for (std::size_t i = 0; i < n; ++i)
+            for (std::size_t d = 0; d < 4; ++d) {
+                truth.value[i][d] = sum[i][d] / count;
+                for (std::size_t c = 0; c < 3; ++c)
+                    truth.error[i][d][c] = std::sqrt(std::max(0.0, square[i][d][c] / count - std::pow(truth.value[i][d][c], 2)) / (count - 1));
+            }
+        if (std::ranges::max(noise_of(truth)) <= settings.noise_percent) break;
+    }
+    if (!file.empty()) {
+        std::error_code ignored;
+        std::filesystem::create_directories(settings.cache, ignored);
+        if (auto written = write_file(file, to_bytes(truth)); !written) return written.fault();
+    }
+    return truth;
+}
+
+Errors compare(const Truth& truth, std::span<const Irradiance> values) {
+    Errors e;
+    e.noise = noise_of(truth);
+    e.rrmse = root_mean_square(truth, [&](std::size_t i, std::size_t d, std::size_t c) { return values[i][d][c] - truth.value[i][d][c]; });
+    for (std::size_t d = 0; d < 4; ++d) {
+        double got = 0, want = 0;
+        for (std::size_t i = 0; i < truth.value.size(); ++i) got += mean(values[i][d]), want += mean(truth.value[i][d]);
+        e.bias[d] = want > 0 ? 100 * (got / want - 1) : 0;
+        e.rrmse[d] = std::sqrt(std::max(0.0, e.rrmse[d] * e.rrmse[d] - e.noise[d] * e.noise[d]));
+        if (e.rrmse[d] >= e.worst) e.worst = e.rrmse[d], e.worst_noise = e.noise[d];
+    }
+    double level = 0;
+    for (const Irradiance& v : truth.value) level += mean(v[0]) / static_cast<double>(truth.value.size());
+    std::vector<double> relative;
+    for (std::size_t i = 0; i < truth.value.size(); ++i)
+        relative.push_back(100 * std::abs(mean(values[i][0]) - mean(truth.value[i][0])) / std::max({mean(truth.value[i][0]), 0.02 * level, 1e-300}));
+    std::ranges::sort(relative);
+    if (!relative.empty()) e.p95 = relative[relative.size() * 95 / 100];
+    return e;
+}
+
+Measurement measure_bake(const LightScene& in, const Truth& truth, double target, Context& context) {
+    Measurement m;
+    m.scene = in.name, m.method = "kiln", m.setting = fmt::format("--error {:g}", target), m.target = target;
+    m.luxels = m.lit = truth.shown;
+    {
+        const rivals::Scene scene(in.world, in.surfaces, in.lights);
+        m.calibration = calibrate(scene, rivals::receivers_of(scene, truth.luxels));
+    }
+    // Irradiance along the basis vectors is what can be compared; all luxels directional is the dearest there is.
+    LightOptions options;
+    options.error_percent = target, options.encoding = RnmEncoding::tilted, options.directional = Directional::all;
+    reset_peak();
+    const double before = status_kb("VmRSS:"), start = cpu_seconds();
+    const Result<Lighting> baked = bake_light(in.world, in.bsp, in.bsp.planes, in.surfaces, in.lights, options, context);
+    m.cpu_s = cpu_seconds() - start;
+    m.peak_mb = std::max(0.0, status_kb("VmHWM:") - before) / 1024;
+    if (!baked) {
+        m.skipped = baked.fault().diagnostic.message;
+        return m;
+    }
+    m.rays = static_cast<double>(baked->rays);
+    m.estimate = baked->error.estimate, m.low = baked->error.low, m.high = baked->error.high;
+    std::vector<Irradiance> values;
+    for (const std::uint32_t l : truth.luxels) {
+        const Luxel& luxel = in.surfaces.luxels[l];
+        const Chart& chart = in.surfaces.charts[luxel.chart.at()];
+        const std::uint32_t in_chart = luxel.y * chart.width + luxel.x;
+        Irradiance e{static_cast<Rgbd>(baked->flat[chart.first_texel + in_chart])};
+        for (std::size_t k = 0; k < 3; ++k) e[k + 1] = static_cast<Rgbd>(baked->rnm[baked->rnm_first[luxel.chart.at()] + in_chart][k]);
+        values.push_back(e);
+    }
+    m.errors = compare(truth, values);
+    return m;
+}
+
+Measurement measure_rival(const LightScene& in, const Truth& truth, std::string method, std::string setting, const MakeMethod& make, std::uint32_t most_lit, Context& context) {
+    Measurement m;
+    m.scene = in.name, m.method = std::move(method), m.setting = std::move(setting);
+    m.luxels = truth.shown;
+    // The luxels of truth first; more, spread evenly, so that time is measured over enough of them.
+    std::vector<std::uint32_t> lit = truth.luxels;
+    std::vector<rivals::Receiver> receivers;
+    {
+        const rivals::Scene scene(in.world, in.surfaces, in.lights);
+        const std::vector<std::uint32_t> shown = rivals::shown_luxels(scene, context);
+        const std::size_t more = std::min<std::size_t>(std::max<std::size_t>(most_lit, lit.size()) - lit.size(), shown.size());
+        for (std::size_t i = 0; i < more; ++i) lit.push_back(shown[i * shown.size() / more]);
+        receivers = rivals::receivers_of(scene, lit);
+        m.calibration = calibrate(scene, {receivers.data(), truth.luxels.size()});
+    }
+    m.lit = receivers.size();
+    reset_peak();
+    const double before = status_kb("VmRSS:"), start = cpu_seconds();
+    const rivals::Scene scene(in.world, in.surfaces, in.lights);
+    const auto rival = make(scene, context);
+    const double prepared = cpu_seconds();
+    const double rays = static_cast<double>(rival->cost().rays);
+    if (m.skipped = rival->refused(); !m.skipped.empty()) return m;
+    const std::vector<Irradiance> values = rival->light(receivers, context);
+    const double scale = static_cast<double>(m.luxels) / static_cast<double>(std::max<std::uint64_t>(m.lit, 1));
+    m.cpu_s = prepared - start + (cpu_seconds() - prepared) * scale;
+    m.rays = rays + (static_cast<double>(rival->cost().rays) - rays) * scale;
+    m.peak_mb = std::max(0.0, status_kb("VmHWM:") - before) / 1024;
+    m.errors = compare(truth, {values.data(), truth.luxels.size()});
+    return m;
+}
+
+} // namespace kiln::bench

@@ -1,0 +1,76 @@
+// Error and cost of one way to bake one scene.
+//
+// Truth    irradiance along four directions at luxels drawn by area among those that show light, path-traced in
+//          independent rounds until their noise is low; kept on disk under a hash of all it depends on
+// Error    rRMSE: root of the mean square of (value - truth) / max(truth, 2 % of the mean of truth), over luxels and
+//          colour channels, for each of the four directions; "the" error is that of the worst direction. The truth's own
+//          noise is taken out in quadrature and told beside.
+// Cost     CPU seconds of the process for the whole method, tables and tracer included, for all luxels. Rivals answer at
+//          a sample of them: the part of their time that grows with luxels is scaled up.
+#pragma once
+#include "compiler/light/rivals/rivals.h"
+#include <functional>
+#include <string>
+
+namespace kiln::bench {
+
+struct LightScene {
+    std::string name;
+    const World& world;
+    const Bsp& bsp;
+    const Surfaces& surfaces;
+    const std::vector<Light>& lights;
+};
+
+struct TruthSettings {
+    std::uint32_t points = 300;
+    std::uint32_t paths = 4096;     // of a replicate
+    std::uint32_t replicates = 8;   // a round
+    std::uint32_t most_rounds = 8;
+    double noise_percent = 1;       // stop where the worst direction has less
+    std::string cache;              // folder; empty: none
+};
+struct Truth {
+    std::vector<std::uint32_t> luxels;            // luxels of the scene, ascending; one may stand twice
+    std::vector<rivals::Irradiance> value, error; // error: standard
+    std::uint32_t shown = 0;                      // luxels of the scene that show light
+    std::uint64_t paths = 0;                      // a luxel
+    template <class A> void fields(A& a) { a(luxels, value, error, shown, paths); }
+};
+Result<Truth> find_truth(const LightScene& scene, const TruthSettings& settings, Context& context);
+
+inline constexpr std::array<const char*, 4> kDirectionNames = {"n", "b1", "b2", "b3"};
+struct Errors {                       // percent
+    std::array<double, 4> rrmse{};    // noise taken out
+    std::array<double, 4> noise{};    // of the truth
+    std::array<double, 4> bias{};     // of the sum, signed
+    double worst = 0, worst_noise = 0; // of the direction with the largest error
+    double p95 = 0;                   // 95th percentile of the relative error along n
+    bool at_noise() const { return worst < 2 * worst_noise; } // too close to the truth's noise to tell
+};
+Errors compare(const Truth& truth, std::span<const rivals::Irradiance> values);
+
+struct Measurement {
+    std::string scene, method, setting;
+    double target = 0;                           // percent; 0: the method has none
+    double cpu_s = 0;                            // for all luxels
+    double calibration = 0;                      // rays a CPU second by the tracer alone, on this scene, at that time
+    double estimate = 0, low = 0, high = 0;      // percent: what the method says of its own error; 0: nothing
+    std::uint64_t luxels = 0, lit = 0;           // of the scene; at which it was measured
+    double rays = 0;                             // for all luxels
+    double peak_mb = 0;                          // by which the process grew at most
+    Errors errors;
+    std::string skipped;                         // why there are no numbers
+    double cost() const { return cpu_s * calibration * 1e-6; } // in million rays of the tracer
+};
+
+// The bake itself, to an error target.
+Measurement measure_bake(const LightScene& scene, const Truth& truth, double target_percent, Context& context);
+// A rival; `make` builds it from the scene, which is built anew, as that is a cost too.
+using MakeMethod = std::function<std::unique_ptr<rivals::Method>(const rivals::Scene&, Context&)>;
+Measurement measure_rival(const LightScene& scene, const Truth& truth, std::string method, std::string setting, const MakeMethod& make,
+                          std::uint32_t most_lit, Context& context);
+
+double cpu_seconds(); // of the process so far
+
+} // namespace kiln::bench
