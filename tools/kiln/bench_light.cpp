@@ -52,8 +52,13 @@ int load(const std::string& map, const Options& o, Console& console, Context& co
     options.map = map, options.quiet = true, options.threads = o.threads;
     options.compile.bsp.allow_leaks = true; // real maps leak; light is as defined there as elsewhere
     options.settle(console);
-    if (const int code = compile_map(options, console, context, Stage::surfaces, out.compiled); code != 0) return code;
+    const auto input = read_input(options, context);
+    if (!input) return console.fail(input.fault());
+    const auto done = compile(*input, options.compile, {.last = Stage::surfaces}, context, out.compiled);
+    (void)context.take_diagnostics(); // `kiln build` is for those
+    if (!done) return console.fail(done.fault());
     out.lights = read_lights(out.compiled.world, context);
+    (void)context.take_diagnostics();
     return 0;
 }
 
