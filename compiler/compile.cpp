@@ -7,7 +7,6 @@
 namespace kiln {
 namespace {
 
-
 // What geometry depends on: brushes, sides, materials; not where in the text they stand, not what entities say.
 Hash geometry_key(const World& world) {
     ByteWriter w;

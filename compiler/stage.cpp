@@ -1,14 +1,6 @@
 #include "compiler/stage.h"
-#include <sys/resource.h>
 
 namespace kiln {
-
-double StageRunner::cpu_seconds() {
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    const auto seconds = [](timeval t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
-    return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
 
 std::optional<StageRunner::Entry> StageRunner::fetch(Hash key, Hash places) {
     if (!run_.store || !run_.store->enabled()) return std::nullopt;
@@ -34,10 +26,8 @@ void StageRunner::keep(Hash key, const Entry& entry) {
 }
 
 void StageRunner::finish(const char* name, const Clock& clock, bool cached) {
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
     const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - clock.wall;
-    reports_.push_back({name, wall.count(), cpu_seconds() - clock.cpu, static_cast<double>(usage.ru_maxrss) / 1024, cached});
+    reports_.push_back({name, wall.count(), cpu_seconds() - clock.cpu, peak_rss_mb(), cached});
     context_.say(name, 1);
     if (run_.stage_done) run_.stage_done(reports_.back());
 }

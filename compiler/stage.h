@@ -1,6 +1,7 @@
 // One stage of the way: run it or fetch it, time it, keep what it reported.
 #pragma once
 #include "compiler/compile.h"
+#include "libs/core/process.h"
 #include <chrono>
 
 namespace kiln {
@@ -68,7 +69,6 @@ private:
         Bytes value;
         template <class A> void fields(A& a) { a(places, diagnostics, value); }
     };
-    static double cpu_seconds();
     std::optional<Entry> fetch(Hash key, Hash places);
     void keep(Hash key, const Entry& entry);
     void finish(const char* name, const Clock& clock, bool cached);

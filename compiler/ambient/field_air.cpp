@@ -1,5 +1,6 @@
 // The air of a baked map: open leaves of the BSP, rays of the light's scene, light of its field.
 #include "compiler/ambient/air.h"
+#include "compiler/light/emitters.h"
 #include <numbers>
 
 namespace kiln::ambient {
@@ -159,9 +160,7 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
         return DirectLight{to / d, Rgbd(light.intensity) * e};
     };
     air.light_clear = [&lights, &scene](std::uint32_t l, Vec3 point) {
-        const Light& light = lights[l];
-        if (light.kind == LightKind::sun) return scene.reaches_sky(point, -light.direction);
-        return !scene.occluded(point, light.position);
+        return sees(scene, point, lights[l]);
     };
     return air;
 }

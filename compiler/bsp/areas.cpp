@@ -93,12 +93,6 @@ std::vector<Vec3> way_around(const Flow& flow, const Areas& areas, const Contact
     return way;
 }
 
-double length_of_way(const std::vector<Vec3>& way) {
-    double sum = 0;
-    for (std::size_t i = 1; i < way.size(); ++i) sum += length(way[i] - way[i - 1]);
-    return sum;
-}
-
 } // namespace
 
 Areas find_areas(const Tree& tree, const std::vector<BspPortal>& portals, const Flow& flow, const std::vector<std::uint8_t>& outside) {
@@ -235,7 +229,7 @@ void find_area_portals(const World& world, const Csg& csg, const Tree& tree, con
                     if (length(p - brush.bounds.center()) > length(far - brush.bounds.center())) far = p;
                 tell("areaportal-leak", fmt::format("does not part the level: both its sides, at {} and {}, are area {}; a way of {:.0f} units leads "
                                                     "around it through {}",
-                                                    name_place(a), name_place(z), area, length_of_way(out.leak), name_place(far)));
+                                                    name_place(a), name_place(z), area, path_length(out.leak), name_place(far)));
             } else {
                 tell("areaportal-one-side", fmt::format("is open to one side only, to area {} at {}: behind it is solid or the outside", area,
                                                         name_place(centroid(portals[at(*first).portal].winding))));

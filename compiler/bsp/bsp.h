@@ -88,6 +88,7 @@ struct Leak {
     std::vector<BrushId> passes; // brushes that do not seal and the path goes through, nearest to the hole first
     template <class A> void fields(A& a) { a(entity, path, near, hole, length, area, width, passes); }
 };
+double path_length(std::span<const Vec3> path); // map units
 // What a brush that does not seal is to the designer: "func_detail", "displacement", "water of func_water_analog", ...
 std::string name_of_unsealing(const World& world, BrushId brush);
 

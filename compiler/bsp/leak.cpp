@@ -173,7 +173,7 @@ std::vector<Leak> trace_leaks(const World& world, const Csg& csg, const Flow& fl
         leak.path = trail.points;
         leak.hole = hole;
         leak.near = brushes_near(world, csg, about, kNearBrushes);
-        leak.length = length_of(trail.points);
+        leak.length = path_length(trail.points);
         if (opening > 0) leak.passes = passes_of(world, csg, trail.points, hole);
         leaks.push_back(std::move(leak));
     };

@@ -45,8 +45,8 @@ public:
         used_ = 0;
     }
     Pool() = default;
-    Pool(Pool&&) = default;
-    Pool& operator=(Pool&&) = delete;
+    Pool(const Pool&) = delete; // nor moved: what was taken is known by its place
+    Pool& operator=(const Pool&) = delete;
     ~Pool() { // to the heap as it came
         for (const Chunk& chunk : chunks_) allow(chunk.bytes.get(), chunk.size);
     }

@@ -3,6 +3,16 @@
 #include <cmath>
 #include <queue>
 
+namespace kiln {
+
+double path_length(std::span<const Vec3> path) {
+    double sum = 0;
+    for (std::size_t i = 1; i < path.size(); ++i) sum += length(path[i] - path[i - 1]);
+    return sum;
+}
+
+} // namespace kiln
+
 namespace kiln::bsp {
 namespace {
 
@@ -83,12 +93,6 @@ void drop_straight(std::vector<Vec3>& points) {
 }
 
 } // namespace
-
-double length_of(std::span<const Vec3> path) {
-    double sum = 0;
-    for (std::size_t i = 1; i < path.size(); ++i) sum += length(path[i] - path[i - 1]);
-    return sum;
-}
 
 Vec3 closest_point(std::span<const Vec3> w, Vec3 to) {
     const Vec3 n = normal_of(w), in_plane = to - n * dot(n, to - w[0]);

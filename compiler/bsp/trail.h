@@ -12,6 +12,5 @@ struct Trail {
 // From whichever of `starts` (into entities) is nearest; `shut` per door. Nothing: no way.
 std::optional<Trail> shortest_trail(const Flow& flow, const std::vector<EntityPlace>& entities,
                                     std::span<const std::uint32_t> starts, const std::vector<std::uint8_t>& shut);
-double length_of(std::span<const Vec3> path);
 
 } // namespace kiln::bsp

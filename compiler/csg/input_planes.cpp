@@ -15,12 +15,6 @@ constexpr double kCollinear = 1e-9;
 
 Vec3 to_point(const std::array<Decimal, 3>& p) { return {p[0].to_double(), p[1].to_double(), p[2].to_double()}; }
 
-GridPoint snap(Vec3 p, int bits) {
-    GridPoint g;
-    for (std::size_t k = 0; k < 3; ++k) g[k] = std::llround(std::ldexp(p[k], bits));
-    return g;
-}
-
 bool in_range(const GridPoint& g) {
     for (const std::int64_t x : g)
         if (x < -kMaxGridCoordinate || x > kMaxGridCoordinate) return false;
@@ -28,6 +22,23 @@ bool in_range(const GridPoint& g) {
 }
 
 } // namespace
+
+GridPoint snap(Vec3 p, int bits) {
+    GridPoint g;
+    for (std::size_t k = 0; k < 3; ++k) g[k] = std::llround(std::ldexp(p[k], bits));
+    return g;
+}
+
+__int128 height_over(const ExactPlane& plane, const GridPoint& p) {
+    return static_cast<__int128>(plane.a) * p[0] + static_cast<__int128>(plane.b) * p[1] + static_cast<__int128>(plane.c) * p[2] - plane.d;
+}
+
+std::optional<ExactPlane> plane_facing(std::array<Vec3, 3> points, Vec3 normal, int bits) {
+    if (dot(cross(points[2] - points[0], points[1] - points[0]), normal) < 0) std::swap(points[1], points[2]);
+    const GridPoint p = snap(points[0], bits), q = snap(points[1], bits), r = snap(points[2], bits);
+    if (!in_range(p) || !in_range(q) || !in_range(r)) return std::nullopt;
+    return plane_through(p, q, r);
+}
 
 std::array<std::size_t, 3> far_apart(std::span<const Vec3> face) {
     std::size_t a = 0, b = 0, c = 0;
@@ -48,8 +59,7 @@ double distance_over(const ExactPlane& plane, std::span<const Vec3> face, int bi
     // About a point of the face itself: the plane's distance from the origin is too coarse a number in doubles.
     const Vec3 n{static_cast<double>(plane.a), static_cast<double>(plane.b), static_cast<double>(plane.c)};
     const GridPoint o = snap(face[0], bits);
-    const __int128 at_o = static_cast<__int128>(plane.a) * o[0] + static_cast<__int128>(plane.b) * o[1] +
-                          static_cast<__int128>(plane.c) * o[2] - plane.d;
+    const __int128 at_o = height_over(plane, o);
     const double l = length(n);
     double largest = 0;
     for (const Vec3& p : face) {
@@ -63,10 +73,7 @@ double distance_over(const ExactPlane& plane, std::span<const Vec3> face, int bi
 // The plane through three far apart corners of a face, each put on the grid.
 std::optional<ExactPlane> through_corners(std::span<const Vec3> face, Vec3 normal, int bits) {
     const auto [a, b, c] = far_apart(face);
-    GridPoint p = snap(face[a], bits), q = snap(face[b], bits), r = snap(face[c], bits);
-    if (!in_range(p) || !in_range(q) || !in_range(r)) return std::nullopt;
-    if (dot(cross(face[c] - face[a], face[b] - face[a]), normal) < 0) std::swap(q, r);
-    return plane_through(p, q, r);
+    return plane_facing({face[a], face[b], face[c]}, normal, bits);
 }
 
 // A plane through three grid points far outside the face, each the best of a few dozen near the true plane: as true to

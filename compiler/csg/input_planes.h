@@ -21,6 +21,11 @@ struct InputSide {
 // Parallel to world.sides.
 std::vector<InputSide> read_planes(const World& world, int grid_bits, Context& context);
 
+GridPoint snap(Vec3 point, int bits);
+// dot(normal, p) - d of the plane: 0 on it.
+__int128 height_over(const ExactPlane& plane, const GridPoint& p);
+// The plane through three points put on the grid that faces as `normal` does. Nothing: collinear, or out of range.
+std::optional<ExactPlane> plane_facing(std::array<Vec3, 3> points, Vec3 normal, int bits);
 // The two corners of a face furthest from each other, and the one furthest from their line.
 std::array<std::size_t, 3> far_apart(std::span<const Vec3> face);
 

@@ -64,20 +64,9 @@ std::optional<ExactPlane> on_whole_units(const std::vector<Vec3>& corners, Vec3 
     std::size_t next = static_cast<std::size_t>(std::ranges::count(axes, true));
     for (std::size_t k = 0; k < 3; ++k)
         if (!axes[k]) spanning[next] = spanning[0], spanning[next++][k] += 1024;
-    if (dot(cross(spanning[2] - spanning[0], spanning[1] - spanning[0]), normal) < 0) std::swap(spanning[1], spanning[2]);
-    const auto on_grid = [&](const Vec3& p) {
-        GridPoint g;
-        for (std::size_t k = 0; k < 3; ++k) g[k] = std::llround(p[k]) << grid_bits;
-        return g;
-    };
-    const std::optional<ExactPlane> plane = plane_through(on_grid(spanning[0]), on_grid(spanning[1]), on_grid(spanning[2]));
-    if (!plane) return std::nullopt;
-    for (const Vec3& p : whole) {
-        const GridPoint g = on_grid(p);
-        if (static_cast<__int128>(plane->a) * g[0] + static_cast<__int128>(plane->b) * g[1] + static_cast<__int128>(plane->c) * g[2] != plane->d)
-            return std::nullopt;
-    }
-    return plane;
+    const std::optional<ExactPlane> plane = plane_facing(spanning, normal, grid_bits);
+    const auto on_it = [&](const Vec3& p) { return height_over(*plane, snap(p, grid_bits)) == 0; };
+    return plane && std::ranges::all_of(whole, on_it) ? plane : std::nullopt;
 }
 
 // The simplest first: along two axes, along the one it is nearest to, along none.
@@ -97,15 +86,15 @@ std::optional<ExactPlane> on_whole_units(const std::vector<Vec3>& corners, Vec3 
 
 std::vector<PlaneId> planes_on_whole_units(PlaneTable& planes, const std::vector<BrushPolytope>& brushes,
                                            const std::vector<char>& rounded, double tolerance, Context& context) {
-    std::vector<std::optional<ExactPlane>> found(rounded.size());
-    if (tolerance > 0)
-        parallel_for(context, brushes.size(), [&](std::size_t b) {
-            for (std::size_t f = 0; f < brushes[b].faces.size(); ++f)
-                if (const std::size_t s = brushes[b].sides[f].at(); rounded[s])
-                    found[s] = on_whole_units(points(planes, brushes[b].faces[f]), planes.normal(brushes[b].faces[f].support),
-                                              planes.grid_bits, tolerance);
-        });
     std::vector<PlaneId> result(rounded.size());
+    if (tolerance <= 0 || std::ranges::find(rounded, 1) == rounded.end()) return result;
+    std::vector<std::optional<ExactPlane>> found(rounded.size());
+    parallel_for(context, brushes.size(), [&](std::size_t b) {
+        for (std::size_t f = 0; f < brushes[b].faces.size(); ++f)
+            if (const std::size_t s = brushes[b].sides[f].at(); rounded[s])
+                found[s] = on_whole_units(points(planes, brushes[b].faces[f]), planes.normal(brushes[b].faces[f].support),
+                                          planes.grid_bits, tolerance);
+    });
     for (std::size_t s = 0; s < found.size(); ++s)
         if (found[s]) result[s] = planes.add(*found[s]);
     return result;
@@ -216,23 +205,26 @@ std::vector<MergedSide> merge_planes(const PlaneTable& planes, const std::vector
     std::vector<char> in_sheet(faces.size(), 0);
     std::set<std::pair<std::uint32_t, std::uint32_t>> stays; // planes (id / 2) and faces of sheets that do not all go there
     const Vec3 touch = Vec3{1, 1, 1} * (kClose * tolerance);
+    const auto goes = [&](std::uint32_t face, PlaneId drawn) { return near_plane(faces[face], drawn) && !stays.contains({drawn.value / 2, face}); };
+    // Adds those that touch the face; false: one of them does not go to `drawn`.
+    const auto spread = [&](const Face& face, PlaneId drawn) {
+        const Box3 around{face.box.lo - touch, face.box.hi + touch};
+        for (const std::uint32_t b : near[face.brush]) {
+            if (!overlap(brushes[b].bounds, around)) continue;
+            for (std::uint32_t j = first_face[b]; j < first_face[b + 1]; ++j) {
+                if (in_sheet[j] || !overlap(faces[j].box, around) || !(near_plane(faces[j], face.plane) || near_plane(face, faces[j].plane))) continue;
+                sheet.push_back(j), in_sheet[j] = 1;
+                if (!goes(j, drawn)) return false;
+            }
+        }
+        return true;
+    };
     for (std::uint32_t i = 0; i < faces.size(); ++i) {
         const PlaneId drawn = whole[faces[i].side.at()];
         if (!drawn.valid() || drawn == faces[i].plane) continue;
         sheet.assign(1, i), in_sheet[i] = 1;
         bool all = near_plane(faces[i], drawn);
-        for (std::size_t at = 0; all && at < sheet.size(); ++at) {
-            const Face& face = faces[sheet[at]];
-            const Box3 around{face.box.lo - touch, face.box.hi + touch};
-            for (const std::uint32_t b : near[face.brush]) {
-                if (!overlap(brushes[b].bounds, around)) continue;
-                for (std::uint32_t j = first_face[b]; all && j < first_face[b + 1]; ++j) {
-                    if (in_sheet[j] || !overlap(faces[j].box, around) || !(near_plane(faces[j], face.plane) || near_plane(face, faces[j].plane))) continue;
-                    all = near_plane(faces[j], drawn) && !stays.contains({drawn.value / 2, j});
-                    sheet.push_back(j), in_sheet[j] = 1;
-                }
-            }
-        }
+        for (std::size_t at = 0; all && at < sheet.size(); ++at) all = spread(faces[sheet[at]], drawn);
         for (const std::uint32_t j : sheet) {
             in_sheet[j] = 0;
             if (!all) stays.insert({drawn.value / 2, j});

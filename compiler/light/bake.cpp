@@ -88,8 +88,7 @@ Bake::Bake(const World& world, const Surfaces& surfaces, const std::vector<Light
       emitters_(world, surfaces, sky_radiance(lights)) {}
 
 std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
-    const auto q = [](double x) { return static_cast<std::uint64_t>(std::llround(x * 64)); };
-    return mix(options_.seed, pass, q(p.x), q(p.y), q(p.z));
+    return mix_place(p, options_.seed, pass);
 }
 
 Vec3 Bake::luxel_centroid(const Luxel& l) const {

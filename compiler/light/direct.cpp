@@ -143,8 +143,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     LightSample s;
                     if (!sample_light(light, x, at.normal, points.pair(k, 2), &s)) continue;
                     ++tested, ++rays;
-                    if (!(s.distant ? scene_.reaches_sky(x, s.direction) : !scene_.occluded(x, s.position)))
-                        continue;
+                    if (!arrives(scene_, x, s)) continue;
                     ++seen;
                     brought += mean(s.weight) * dot(s.direction, at.normal) + mean(s.ambient);
                 }
@@ -260,7 +259,7 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
             if (!sample_light(light, x, normal, points.pair(index, 2), &s)) return;
             if (trace) {
                 ++tested;
-                if (!(s.distant ? scene_.reaches_sky(x, s.direction) : !scene_.occluded(x, s.position))) return;
+                if (!arrives(scene_, x, s)) return;
                 ++seen;
             }
             if (!out) return;

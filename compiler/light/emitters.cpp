@@ -61,17 +61,6 @@ double EmitterSet::bound(std::uint32_t index, Vec3 x, Vec3 n) const {
     return std::min(n == Vec3{} ? 4.0 : 1.0, e.area * c1 * c2 / (kPi * near * near));
 }
 
-std::size_t clip_to_horizon(Vec3 x, Vec3 n, const std::array<Vec3, 3>& t, std::array<Vec3, 4>* out) {
-    std::size_t count = 0;
-    for (std::size_t i = 0; i < 3; ++i) {
-        const Vec3 a = t[i], b = t[(i + 1) % 3];
-        const double da = dot(a - x, n), db = dot(b - x, n);
-        if (da >= 0) (*out)[count++] = a;
-        if ((da > 0 && db < 0) || (da < 0 && db > 0)) (*out)[count++] = a + (b - a) * (da / (da - db));
-    }
-    return count;
-}
-
 double triangle_form_factor(Vec3 x, Vec3 n, const std::array<Vec3, 3>& t) {
     if (n == Vec3{}) return solid_angle(x, t[0], t[1], t[2]) / kPi;
     return lambert_form_factor(x, n, t);

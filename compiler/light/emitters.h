@@ -65,8 +65,6 @@ private:
                      const Visit& visit) const;
 };
 
-// The part of a triangle above the horizon of x: a polygon of the returned number of corners (0, 3 or 4).
-std::size_t clip_to_horizon(Vec3 x, Vec3 n, const std::array<Vec3, 3>& triangle, std::array<Vec3, 4>* polygon);
 double triangle_form_factor(Vec3 x, Vec3 n, const std::array<Vec3, 3>& triangle);
 
 template <class Visit>
@@ -107,9 +105,10 @@ void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first
     for (std::uint32_t t = 0; t < e.triangle_count; ++t) {
         const EmitterTriangle& tri = triangles[e.first_triangle + t];
         // Cut at the horizon first: a point drawn below it would throw away what the part above it sends.
+        const std::array<Vec3, 3> whole{tri.a, tri.b, tri.c};
         std::array<Vec3, 4> above{tri.a, tri.b, tri.c};
-        std::size_t count = 3;
-        if (!free) count = clip_to_horizon(x, n, {tri.a, tri.b, tri.c}, &above);
+        std::size_t count = free ? 3 : 0;
+        if (!free) clip_to_horizon(x, n, whole, [&](Vec3 p) { above[count++] = p; });
         for (std::size_t i = 1; i + 1 < count; ++i)
             sample_part(e, {above[0], above[i], above[i + 1]}, 0, x, n, first, per_factor, points, serial,
                         share_limit, visit);
@@ -175,6 +174,14 @@ struct LightSample {
     bool distant = false; // sun: visible where a ray reaches the sky
 };
 bool sample_light(const Light& light, Vec3 x, Vec3 n, Vec2 u, LightSample* out);
+// Does it arrive?
+inline bool arrives(const TraceScene& scene, Vec3 x, const LightSample& s) {
+    return s.distant ? scene.reaches_sky(x, s.direction) : !scene.occluded(x, s.position);
+}
+// Does x see the light itself, of a sun its middle?
+inline bool sees(const TraceScene& scene, Vec3 x, const Light& light) {
+    return light.kind == LightKind::sun ? scene.reaches_sky(x, -light.direction) : !scene.occluded(x, light.position);
+}
 // An upper bound of the mean irradiance it can bring to a ball around x.
 double light_bound(const Light& light, Vec3 x, double radius);
 

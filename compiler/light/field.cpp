@@ -120,7 +120,7 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
         for (std::uint32_t k = 0; k < samples; ++k) {
             LightSample s;
             if (!sample_light(light, x, normal, points.pair(k, 0), &s)) continue;
-            if (!(s.distant ? d.scene.reaches_sky(x, s.direction) : !d.scene.occluded(x, s.position))) continue;
+            if (!arrives(d.scene, x, s)) continue;
             arrival(s.direction, s.weight * (1.0 / samples));
             if (light.angle_scale < 1)
                 arrival(normal == Vec3{} ? s.direction : normal, s.ambient * (1.0 / samples));
@@ -164,7 +164,7 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
             emitter[i] = d.emitter(*hits[i], directions[i]);
             Random random(mix(seed, i, std::uint64_t{25}));
             const bool is_near = d.is_near(*hits[i]);
-            if (is_near && !lights_near) lights_near.emplace().build(d, x), tracer.near = &*lights_near;
+            if (is_near && !lights_near) lights_near.emplace(d, x), tracer.near = &*lights_near;
             radiance[i] = is_near ? tracer.reflected(*hits[i], directions[i], random, true) : d.reflected(*hits[i]);
             if (emitter[i] != UINT32_MAX) total += d.emitters.emitters[emitter[i]].radiance * (solid[i] * k);
         }

@@ -18,12 +18,7 @@ double lambert_form_factor(Vec3 x, Vec3 n, std::span<const Vec3> convex) {
     std::span<Vec3> out = fixed;
     if (2 * convex.size() > fixed.size()) many.resize(2 * convex.size()), out = many;
     std::size_t count = 0;
-    for (std::size_t i = 0; i < convex.size(); ++i) {
-        const Vec3 a = convex[i], b = convex[(i + 1) % convex.size()];
-        const double da = dot(a - x, n), db = dot(b - x, n);
-        if (da >= 0) out[count++] = a;
-        if ((da > 0 && db < 0) || (da < 0 && db > 0)) out[count++] = a + (b - a) * (da / (da - db));
-    }
+    clip_to_horizon(x, n, convex, [&](Vec3 p) { out[count++] = p; });
     double sum = 0;
     for (std::size_t i = 0; i < count; ++i) sum += lambert_edge(x, n, out[i], out[i + 1 == count ? 0 : i + 1]);
     return std::abs(sum) / (2 * std::numbers::pi);

@@ -5,6 +5,16 @@
 
 namespace kiln {
 
+// put(corner) for the corners of the part of a convex polygon above the horizon of x; none, or three and more.
+template <class Put> void clip_to_horizon(Vec3 x, Vec3 n, std::span<const Vec3> convex, Put&& put) {
+    for (std::size_t i = 0; i < convex.size(); ++i) {
+        const Vec3 a = convex[i], b = convex[i + 1 == convex.size() ? 0 : i + 1];
+        const double da = dot(a - x, n), db = dot(b - x, n);
+        if (da >= 0) put(a);
+        if ((da > 0 && db < 0) || (da < 0 && db > 0)) put(a + (b - a) * (da / (da - db)));
+    }
+}
+
 // Form factor from a point x with unit normal n to a convex polygon, clipped at the horizon of x; whichever way the
 // polygon faces. Edge angles by atan2, which stays right beyond 90 degrees where asin folds back.
 double lambert_form_factor(Vec3 x, Vec3 n, std::span<const Vec3> convex);

@@ -7,10 +7,11 @@
 
 namespace kiln {
 
-// Choice of an emitter at one point.
+// A choice by weight: of an emitter at one point, of a light.
 struct Choice {
     std::vector<double> cumulative;
     double total() const { return cumulative.empty() ? 0 : cumulative.back(); }
+    double weight(std::uint32_t i) const { return cumulative[i] - (i ? cumulative[i - 1] : 0); }
     // Emitters no brighter than `least` are left to the rays that go on: what does not stand out makes no noise
     // there.
     void build(const EmitterSet& set, Vec3 x, Vec3 n, double least = 0) {
@@ -21,7 +22,7 @@ struct Choice {
             cumulative.push_back(sum += radiance > least ? radiance * set.bound(i, x, n) : 0);
         }
     }
-    double probability(std::uint32_t i) const { return (cumulative[i] - (i ? cumulative[i - 1] : 0)) / total(); }
+    double probability(std::uint32_t i) const { return weight(i) / total(); }
     std::uint32_t pick(double u) const {
         const auto at = std::upper_bound(cumulative.begin(), cumulative.end(), u * total());
         return static_cast<std::uint32_t>(
@@ -34,8 +35,8 @@ struct Choice {
 // three quarters of the time of ambient cubes.
 struct NearLights {
     std::vector<std::uint32_t> seen, others;
-    std::vector<double> cumulative; // parallel to others
-    void build(const LightField::Data& d, Vec3 x);
+    Choice choice; // of others
+    NearLights(const LightField::Data& d, Vec3 x);
 };
 
 struct PathTracer {
@@ -77,7 +78,7 @@ struct PathTracer {
         const double a = random(), b = random();
         if (!sample_light(light, x, n, {a, b}, &s)) return {};
         count();
-        if (!(s.distant ? d.scene.reaches_sky(x, s.direction) : !d.scene.occluded(x, s.position))) return {};
+        if (!arrives(d.scene, x, s)) return {};
         return s.weight * dot(s.direction, n) + s.ambient;
     }
     Rgbd entities(Vec3 x, Vec3 n, Random& random) const {
@@ -88,11 +89,13 @@ struct PathTracer {
         }
         for (const std::uint32_t i : near->seen) e += entity(d.lights[i], x, n, random);
         if (near->others.empty()) return e;
-        const double total = near->cumulative.back(), u = random() * total;
-        const auto at = std::min<std::size_t>(static_cast<std::size_t>(std::ranges::upper_bound(near->cumulative, u) - near->cumulative.begin()), near->others.size() - 1);
-        const double share = near->cumulative[at] - (at ? near->cumulative[at - 1] : 0);
-        return e + entity(d.lights[near->others[at]], x, n, random) * (total / share);
+        const Choice& choice = near->choice;
+        const std::uint32_t at = choice.pick(random());
+        return e + entity(d.lights[near->others[at]], x, n, random) * (choice.total() / choice.weight(at));
     }
+    // Radiance that a bundle of the given density (of solid angle) meets in the direction `way` from x; what shines is weighted
+    // against the explicit samples of `choice` by the balance heuristic.
+    Rgbd met(const Choice& choice, Vec3 x, Vec3 way, double density, Random& random) const;
     // Radiance reflected at `hit` towards where the ray came from. `cached`: a vertex further than a luxel or two
     // from the one before takes what the bake stored there, and the path ends.
     Rgbd reflected(SceneHit hit, Vec3 came, Random& random, bool cached) const;

@@ -10,16 +10,13 @@ constexpr HemisphereMap kFirstMap{0.6};
 constexpr int kRouletteFrom = 3, kMostBounces = 4096;
 } // namespace
 
-void NearLights::build(const LightField::Data& d, Vec3 x) {
-    seen.clear(), others.clear(), cumulative.clear();
-    double sum = 0;
+NearLights::NearLights(const LightField::Data& d, Vec3 x) {
     for (std::uint32_t i = 0; i < d.lights.size(); ++i) {
-        const Light& light = d.lights[i];
-        if (light.kind == LightKind::sky) continue;
-        const double bound = light.kind == LightKind::sun ? light_bound(light, x, 0) : light_bound(light, x, std::min(d.near_reach, length(light.position - x) - 1));
+        const Light& light = d.lights[i]; // of a sky the bound is nothing, of a sun it is the same everywhere
+        const double bound = light_bound(light, x, std::min(d.near_reach, length(light.position - x) - 1));
         if (!(bound > 0)) continue;
-        if (light.kind == LightKind::sun ? d.scene.reaches_sky(x, -light.direction) : !d.scene.occluded(x, light.position)) seen.push_back(i);
-        else others.push_back(i), cumulative.push_back(sum += bound);
+        if (sees(d.scene, x, light)) seen.push_back(i);
+        else others.push_back(i), choice.cumulative.push_back(choice.total() + bound);
     }
 }
 
@@ -73,6 +70,20 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached)
     return sum;
 }
 
+Rgbd PathTracer::met(const Choice& choice, Vec3 x, Vec3 way, double density, Random& random) const {
+    count();
+    const std::optional<SceneHit> hit = d.scene.closest(x, way);
+    if (!hit) return d.sky;
+    if (hit->back) return {};
+    Rgbd radiance = reflected(*hit, way, random, false);
+    const std::uint32_t e = d.emitter(*hit, way);
+    if (e != UINT32_MAX) {
+        const double other = density_of(choice, e, hit->position - x, -dot(way, d.emitters.emitters[e].normal));
+        radiance += d.emitters.emitters[e].radiance * (density / (other + density));
+    }
+    return radiance;
+}
+
 void reference_arriving(const LightField& field, Vec3 point, Vec3 normal, std::uint32_t paths, std::uint64_t seed,
                         const Arrival& arrival) {
     const LightField::Data& d = field.data();
@@ -98,19 +109,7 @@ void reference_arriving(const LightField& field, Vec3 point, Vec3 normal, std::u
         const Vec3 direction = free ? uniform_sphere(u) : frame.world(kFirstMap.direction(u));
         const double q = density(direction);
         if (!(q > 0)) continue;
-        const std::optional<SceneHit> hit = d.scene.closest(x, direction);
-        Rgbd radiance;
-        if (!hit) {
-            radiance = d.sky;
-        } else if (!hit->back) {
-            radiance = tracer.reflected(*hit, direction, random, false);
-            const std::uint32_t e = d.emitter(*hit, direction);
-            if (e != UINT32_MAX) {
-                const double p =
-                    tracer.density_of(choice, e, hit->position - x, -dot(direction, d.emitters.emitters[e].normal));
-                radiance += d.emitters.emitters[e].radiance * (q / (p + q));
-            }
-        }
+        const Rgbd radiance = tracer.met(choice, x, direction, q, random);
         if (max_component(radiance) > 0) arrival(direction, radiance * (share / q));
     }
 }

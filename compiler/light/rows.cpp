@@ -4,6 +4,7 @@
 // back face are 1 by construction, and no pair of patches is ever joined by a point rule, which fails where they
 // touch.
 #include "compiler/light/bake.h"
+#include "compiler/light/jacobi.h"
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
 #include <numbers>
@@ -120,39 +121,14 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
     return out;
 }
 
-// H = H_d + F rho H by Jacobi sweeps in fixed order, until the bound residual / (1 - rho_max) on the error of H is
-// below the share `iteration` of its largest value.
+// Until the bound on the error is below the share `iteration` of the largest value.
 std::vector<Rgbd> Bake::solve(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho,
                               std::uint32_t* iterations, double* residual) {
-    const std::size_t n = direct.size();
-    std::vector<Rgbd> h = direct, next(n), b(n);
-    double rho_max = 0;
-    for (const Rgbd& r : rho) rho_max = std::max(rho_max, max_component(r));
-    constexpr std::size_t kChunk = 2048;
-    const std::size_t chunks = (n + kChunk - 1) / kChunk;
-    std::vector<double> change(chunks), largest(chunks);
-    *residual = 0;
-    for (*iterations = 0; *iterations < 5000; ++*iterations) {
-        for (std::size_t p = 0; p < n; ++p) b[p] = rho[p] * h[p];
-        parallel_for(context_, chunks, [&](std::size_t chunk) {
-            change[chunk] = largest[chunk] = 0;
-            for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
-                Rgbd sum = direct[p];
-                for (std::uint64_t k = rows.first[p]; k < rows.first[p + 1]; ++k)
-                    sum += b[rows.patch[k]] * static_cast<double>(rows.weight[k]);
-                const Rgbd d = sum - h[p];
-                change[chunk] = std::max({change[chunk], std::abs(d.x), std::abs(d.y), std::abs(d.z)});
-                largest[chunk] = std::max(largest[chunk], max_component(sum));
-                next[p] = sum;
-            }
-        });
-        std::swap(h, next);
-        double r = 0, top = 0;
-        for (std::size_t c = 0; c < chunks; ++c) r = std::max(r, change[c]), top = std::max(top, largest[c]);
-        *residual = top > 0 ? r * rho_max / (1 - rho_max) / top : 0;
-        if (*residual <= quality_.iteration) break;
-    }
-    return h;
+    Bounces solved = solve_bounces(direct, rho, quality_.iteration, context_, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
+        for (std::uint64_t k = rows.first[p]; k < rows.first[p + 1]; ++k) sum += b[rows.patch[k]] * static_cast<double>(rows.weight[k]);
+    });
+    *iterations = solved.sweeps, *residual = solved.residual;
+    return std::move(solved.irradiance);
 }
 
 } // namespace kiln

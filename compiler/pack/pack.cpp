@@ -103,16 +103,11 @@ void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush
     out.vis_rows = in.visibility.rows;
 }
 
-// Files of the map by their numbers in the level: 0 the map, then what it brings in.
-std::uint32_t file_number(const World& world, const std::string& name) {
-    const auto at = std::ranges::find(world.included, name);
-    return name == world.file || at == world.included.end() ? 0 : static_cast<std::uint32_t>(at - world.included.begin()) + 1;
-}
-// Their names say where they lie beside the map, not where on this machine.
+// Numbered as World::name_of does. Their names say where they lie beside the map, not where on this machine.
 void add_files(const World& world, level::LevelContent& out) {
-    const std::filesystem::path directory = std::filesystem::path(world.file).parent_path();
+    const std::filesystem::path directory = std::filesystem::path(world.file).parent_path().lexically_normal();
     for (const std::string& name : world.included) {
-        const std::filesystem::path path = std::filesystem::path(name).lexically_normal(), beside = path.lexically_relative(directory.lexically_normal().empty() ? "." : directory.lexically_normal());
+        const std::filesystem::path path = std::filesystem::path(name).lexically_normal(), beside = path.lexically_relative(directory.empty() ? "." : directory);
         out.source_files.push_back((beside.empty() ? path.filename() : beside).generic_string());
     }
 }
@@ -161,7 +156,7 @@ void add_faces(const PackInput& in, level::LevelContent& out) {
         face.u_shift = texture.u_shift, face.v_shift = texture.v_shift;
         face.source_entity = where.entity, face.source_brush = where.brush;
         face.source_side = where.side, face.source_line = where.line;
-        face.source_file = file_number(in.world, where.file);
+        face.source_file = file_of(in.world, in.surfaces, id<FaceId>(i));
         face.first_triangle = static_cast<std::uint32_t>(out.triangles.size());
         if (f.drawn || f.sky) { // what only blocks light is of no use at run time
             face.triangle_count = f.triangle_count;
@@ -233,7 +228,7 @@ void add_curve(const PackInput& in, const Curve& curve, level::LevelContent& out
     const SourceLocation where = location_of(in.world, s, {curve.first_face});
     face.material = any.material.value, face.model = any.model.valid() ? any.model.value : 0;
     face.source_entity = where.entity, face.source_brush = where.brush, face.source_side = where.side, face.source_line = where.line;
-    face.source_file = file_number(in.world, where.file);
+    face.source_file = file_of(in.world, s, {curve.first_face});
     const Chart* chart = face.chart != UINT32_MAX ? &s.charts[face.chart] : nullptr;
     const Frame frame = chart ? chart->frame : any.tangent;
     face.tangent = floats(frame.t), face.bitangent = floats(frame.b), face.normal = floats(frame.n);

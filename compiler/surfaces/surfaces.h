@@ -219,6 +219,11 @@ inline double luxel_area(const Surfaces& s, FaceId face) { // map units squared 
 constexpr std::uint32_t undrawn_flags(Curve::Kind kind) {
     return kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible | (kind == Curve::patch ? kNoDraw : 0u);
 }
+// Of which of the map's files a face is: index for World::name_of.
+inline std::uint16_t file_of(const World& world, const Surfaces& s, FaceId face) {
+    const Face& f = s.faces[face.at()];
+    return f.side.valid() || !f.curved() ? world.brushes[world.brush_of(f.side).at()].file : world.patches[s.curves[f.curve].source].file;
+}
 // Where in the map file a face comes from.
 inline SourceLocation location_of(const World& world, const Surfaces& s, FaceId face) {
     const Face& f = s.faces[face.at()];

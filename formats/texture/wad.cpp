@@ -1,4 +1,5 @@
 #include "formats/texture/wad.h"
+#include "formats/texture/little_endian.h"
 #include "libs/image/image.h"
 #include <algorithm>
 #include <array>
@@ -13,9 +14,7 @@ constexpr int kMostSize = 16384; // texels along a side, as of material files
 constexpr std::uint8_t kMiptexOfQuake = 0x44, kMiptexOfHalfLife = 0x43;
 constexpr std::size_t kHole = 255; // palette index that is a hole in textures whose name begins with {
 
-std::uint32_t u32(std::span<const std::uint8_t> b, std::size_t at) {
-    return std::uint32_t{b[at]} | std::uint32_t{b[at + 1]} << 8 | std::uint32_t{b[at + 2]} << 16 | std::uint32_t{b[at + 3]} << 24;
-}
+using texture::u32;
 std::string name_at(std::span<const std::uint8_t> b, std::size_t at) { // 16 bytes, ended by a zero where it is shorter
     const auto* first = reinterpret_cast<const char*>(b.data() + at);
     return {first, strnlen(first, 16)};

@@ -9,9 +9,16 @@
 #include "libs/math/vec.h"
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstdint>
 
 namespace kiln {
+
+// A seed for what lies at a place of the world, 1/64 map unit: the same wherever in a list it stands.
+template <class... Keys> std::uint64_t mix_place(Vec3 p, Keys... keys) {
+    const auto q = [](double x) { return static_cast<std::uint64_t>(std::llround(x * 64)); };
+    return mix(keys..., q(p.x), q(p.y), q(p.z));
+}
 
 constexpr int kSobolDimensions = 6;
 

@@ -6,6 +6,7 @@
 #include "formats/quake_map/quake_map.h"
 #include "formats/vmf/vmf.h"
 #include "libs/core/file.h"
+#include "libs/core/process.h"
 #include "tools/geometry_bench/chart.h"
 #include "tools/geometry_bench/soups.h"
 #include <CLI/CLI.hpp>
@@ -14,7 +15,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <fmt/format.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -35,16 +35,6 @@ struct Row { // plain: it comes back through a pipe
         return sum;
     }
 };
-
-rusage usage() {
-    rusage u{};
-    getrusage(RUSAGE_SELF, &u);
-    return u;
-}
-double cpu_seconds() {
-    const rusage u = usage();
-    return static_cast<double>(u.ru_utime.tv_sec + u.ru_stime.tv_sec) + 1e-6 * static_cast<double>(u.ru_utime.tv_usec + u.ru_stime.tv_usec);
-}
 
 Row measure(const Bytes& text, const std::string& name, int threads, std::string& trouble) {
     Row row;
@@ -80,7 +70,7 @@ Row measure(const Bytes& text, const std::string& name, int threads, std::string
     } catch (const std::exception& e) {
         trouble = e.what();
     }
-    row.peak_mb = static_cast<double>(usage().ru_maxrss) / 1024;
+    row.peak_mb = peak_rss_mb();
     return row;
 }
 

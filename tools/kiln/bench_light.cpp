@@ -20,7 +20,7 @@ struct Options {
     SweepOptions sweep;
     double most_cost = 1.1; // of what the stored front says
     int threads = 1;
-    bool quick = false, update = false, quiet = false;
+    bool quick = false, update = false;
 };
 
 const std::vector<std::string> kScenes = {"furnace", "cornell", "two_rooms", "tube", "maze", "hall", "canyon", "e1m1", "lambda_bunker_v2"};

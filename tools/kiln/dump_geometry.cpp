@@ -110,10 +110,8 @@ Rows dump_leak(const Compiled& c) {
     }
     for (const AreaPortal& p : c.bsp.area_portals) { // that part nothing: the way around
         if (p.leak.empty()) continue;
-        double length_of_way = 0;
-        for (std::size_t k = 1; k < p.leak.size(); ++k) length_of_way += length(p.leak[k] - p.leak[k - 1]);
         const SourceLocation at = c.world.location(p.brush);
-        rows.push_back({{"area_portal", at.brush}, {"entity", at.entity}, {"line", at.line}, {"length", length_of_way}, {"path", list(p.leak)}});
+        rows.push_back({{"area_portal", at.brush}, {"entity", at.entity}, {"line", at.line}, {"length", path_length(p.leak)}, {"path", list(p.leak)}});
     }
     return rows;
 }

@@ -24,16 +24,22 @@ template <class T> Json part(std::span<const T> all, std::size_t first, std::siz
     for (const T& x : all.subspan(first, count)) j.push_back(x);
     return j;
 }
-Json points(std::span<const float> all, std::size_t first, std::size_t count) {
+Json tuples(std::span<const float> all, std::size_t width, std::size_t first, std::size_t count) { // a row for each
     Json j = Json::array();
-    for (std::size_t k = first; k < first + count; ++k) j.push_back({all[3 * k], all[3 * k + 1], all[3 * k + 2]});
+    for (std::size_t k = first; k < first + count; ++k) j.push_back(part(all, width * k, width));
     return j;
 }
+Json points(std::span<const float> all, std::size_t first, std::size_t count) { return tuples(all, 3, first, count); }
 
 kiln_source source_of(const kiln_level* l, kiln_status (*get)(const kiln_level*, std::uint32_t, kiln_source*), std::uint32_t i) {
     kiln_source s{-1, -1, -1, 0}; // stripped: unknown
     get(l, i, &s);
     return s;
+}
+
+Json material_name(const kiln_level* l, std::uint32_t i) {
+    const auto m = rows_of(l, kiln_level_materials);
+    return i < m.size() ? Json(m[i].name) : Json();
 }
 
 Json file_of(const kiln_level* l, kiln_status (*get)(const kiln_level*, std::uint32_t, const char**), std::uint32_t i) {
@@ -238,13 +244,12 @@ Rows dump_area_portals(const kiln_level* l) {
 Rows dump_waters(const kiln_level* l) {
     Rows rows;
     const auto w = rows_of(l, kiln_level_waters);
-    const auto m = rows_of(l, kiln_level_materials);
     std::vector<std::size_t> leaves(w.size());
     for (const std::uint32_t of_leaf : rows_of(l, kiln_level_leaf_waters))
         if (of_leaf < w.size()) ++leaves[of_leaf];
     for (std::size_t i = 0; i < w.size(); ++i)
         rows.push_back({{"water", i}, {"contents", name(static_cast<Contents>(w[i].contents))}, {"surface_z", w[i].has_surface ? Json(w[i].surface_z) : Json()}, {"highest_z", w[i].surface_z}, {"min_z", w[i].min_z},
-                        {"material", w[i].material < m.size() ? Json(m[w[i].material].name) : Json()}, {"leaves", leaves[i]}});
+                        {"material", material_name(l, w[i].material)}, {"leaves", leaves[i]}});
     return rows;
 }
 Rows dump_occluders(const kiln_level* l) {
@@ -264,7 +269,6 @@ Rows dump_overlays(const kiln_level* l) {
     const auto o = rows_of(l, kiln_level_overlays);
     const auto f = rows_of(l, kiln_level_overlay_fragments);
     const auto x = rows_of(l, kiln_level_overlay_points);
-    const auto m = rows_of(l, kiln_level_materials);
     for (std::size_t i = 0; i < o.size(); ++i) {
         Json fragments = Json::array();
         for (const kiln_overlay_fragment& part_of : f.subspan(o[i].first_fragment, o[i].fragment_count)) {
@@ -272,7 +276,7 @@ Rows dump_overlays(const kiln_level* l) {
             for (const kiln_overlay_point& q : x.subspan(part_of.first_point, part_of.point_count)) corners.push_back({{"position", row(q.position)}, {"uv", row(q.uv)}});
             fragments.push_back({{"face", part_of.face}, {"points", corners}});
         }
-        rows.push_back({{"overlay", i}, {"kind", o[i].kind ? "decal" : "overlay"}, {"material", o[i].material < m.size() ? Json(m[o[i].material].name) : Json()}, {"entity", o[i].entity},
+        rows.push_back({{"overlay", i}, {"kind", o[i].kind ? "decal" : "overlay"}, {"material", material_name(l, o[i].material)}, {"entity", o[i].entity},
                         {"render_order", o[i].render_order}, {"fade", {o[i].fade_min, o[i].fade_max}}, {"fragments", fragments}});
     }
     return rows;
@@ -282,13 +286,9 @@ Rows dump_displacements(const kiln_level* l) {
     const auto d = rows_of(l, kiln_level_displacements);
     const auto x = rows_of(l, kiln_level_displacement_vertices, 4), blends = rows_of(l, kiln_level_displacement_blends, 4);
     const auto tags = rows_of(l, kiln_level_displacement_tags);
-    const auto m = rows_of(l, kiln_level_materials);
     for (std::size_t i = 0; i < d.size(); ++i) {
-        Json vertices = Json::array(), mix = Json::array();
-        for (std::size_t k = 0; k < d[i].vertex_count; ++k) vertices.push_back(part(x, 4 * (d[i].first_vertex + k), 4));
-        for (std::size_t k = 0; k < d[i].blend_count; ++k) mix.push_back(part(blends, 4 * (d[i].first_blend + k), 4));
-        rows.push_back({{"displacement", i}, {"face", index(d[i].face)}, {"model", d[i].model}, {"material", d[i].material < m.size() ? Json(m[d[i].material].name) : Json()}, {"power", d[i].power},
-                        {"flags", d[i].flags}, {"base", row(d[i].base)}, {"vertices", vertices}, {"blends", mix}, {"tags", part(tags, d[i].first_tag, d[i].tag_count)}});
+        rows.push_back({{"displacement", i}, {"face", index(d[i].face)}, {"model", d[i].model}, {"material", material_name(l, d[i].material)}, {"power", d[i].power},
+                        {"flags", d[i].flags}, {"base", row(d[i].base)}, {"vertices", tuples(x, 4, d[i].first_vertex, d[i].vertex_count)}, {"blends", tuples(blends, 4, d[i].first_blend, d[i].blend_count)}, {"tags", part(tags, d[i].first_tag, d[i].tag_count)}});
     }
     return rows;
 }
@@ -296,12 +296,9 @@ Rows dump_patch_grids(const kiln_level* l) {
     Rows rows;
     const auto p = rows_of(l, kiln_level_curved_patches);
     const auto x = rows_of(l, kiln_level_patch_vertices, 5);
-    const auto m = rows_of(l, kiln_level_materials);
     for (std::size_t i = 0; i < p.size(); ++i) {
-        Json vertices = Json::array();
-        for (std::size_t k = 0; k < p[i].vertex_count; ++k) vertices.push_back(part(x, 5 * (p[i].first_vertex + k), 5));
-        rows.push_back({{"patch_grid", i}, {"face", index(p[i].face)}, {"model", p[i].model}, {"material", p[i].material < m.size() ? Json(m[p[i].material].name) : Json()},
-                        {"columns", p[i].columns}, {"rows", p[i].rows}, {"vertices", vertices}});
+        rows.push_back({{"patch_grid", i}, {"face", index(p[i].face)}, {"model", p[i].model}, {"material", material_name(l, p[i].material)},
+                        {"columns", p[i].columns}, {"rows", p[i].rows}, {"vertices", tuples(x, 5, p[i].first_vertex, p[i].vertex_count)}});
     }
     return rows;
 }

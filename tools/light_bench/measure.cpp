@@ -1,9 +1,9 @@
 #include "tools/light_bench/measure.h"
 #include "libs/core/file.h"
+#include "libs/core/process.h"
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
 #include <algorithm>
-#include <ctime>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
@@ -85,12 +85,6 @@ std::array<double, 4> noise_of(const Truth& truth) {
 }
 
 } // namespace
-
-double cpu_seconds() {
-    timespec t{};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Context& context) {
     ByteWriter key;
@@ -196,18 +190,21 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
     return m;
 }
 
-Measurement measure_rival(const LightScene& in, const Truth& truth, std::string method, std::string setting, const MakeMethod& make, std::uint32_t most_lit, Context& context) {
+std::vector<std::uint32_t> lit_luxels(const LightScene& in, const Truth& truth, std::uint32_t most, Context& context) {
+    std::vector<std::uint32_t> lit = truth.luxels;
+    const std::vector<std::uint32_t> shown = rivals::shown_luxels(rivals::Scene(in.world, in.surfaces, in.lights), context);
+    const std::size_t more = std::min<std::size_t>(std::max<std::size_t>(most, lit.size()) - lit.size(), shown.size());
+    for (std::size_t i = 0; i < more; ++i) lit.push_back(shown[i * shown.size() / more]);
+    return lit;
+}
+
+Measurement measure_rival(const LightScene& in, const Truth& truth, std::string method, std::string setting, const MakeMethod& make, std::span<const std::uint32_t> lit, Context& context) {
     Measurement m;
     m.scene = in.name, m.method = std::move(method), m.setting = std::move(setting);
     m.luxels = truth.shown;
-    // The luxels of truth first; more, spread evenly, so that time is measured over enough of them.
-    std::vector<std::uint32_t> lit = truth.luxels;
     std::vector<rivals::Receiver> receivers;
     {
         const rivals::Scene scene(in.world, in.surfaces, in.lights);
-        const std::vector<std::uint32_t> shown = rivals::shown_luxels(scene, context);
-        const std::size_t more = std::min<std::size_t>(std::max<std::size_t>(most_lit, lit.size()) - lit.size(), shown.size());
-        for (std::size_t i = 0; i < more; ++i) lit.push_back(shown[i * shown.size() / more]);
         receivers = rivals::receivers_of(scene, lit);
         m.calibration = calibrate(scene, {receivers.data(), truth.luxels.size()});
     }

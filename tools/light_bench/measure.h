@@ -66,11 +66,12 @@ struct Measurement {
 
 // The bake itself, to an error target.
 Measurement measure_bake(const LightScene& scene, const Truth& truth, double target_percent, Context& context);
-// A rival; `make` builds it from the scene, which is built anew, as that is a cost too.
+// Where rivals answer: the luxels of truth, then more of those that show light, spread evenly, up to `most`: enough for
+// time to be measured.
+std::vector<std::uint32_t> lit_luxels(const LightScene& scene, const Truth& truth, std::uint32_t most, Context& context);
+// A rival; `make` builds it from the scene, which is built anew, as that is a cost too. `lit`: of lit_luxels.
 using MakeMethod = std::function<std::unique_ptr<rivals::Method>(const rivals::Scene&, Context&)>;
 Measurement measure_rival(const LightScene& scene, const Truth& truth, std::string method, std::string setting, const MakeMethod& make,
-                          std::uint32_t most_lit, Context& context);
-
-double cpu_seconds(); // of the process so far
+                          std::span<const std::uint32_t> lit, Context& context);
 
 } // namespace kiln::bench

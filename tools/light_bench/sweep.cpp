@@ -1,4 +1,5 @@
 #include "tools/light_bench/sweep.h"
+#include "libs/core/process.h"
 #include <algorithm>
 #include <charconv>
 #include <fmt/format.h>
@@ -80,8 +81,10 @@ void sweep(const LightScene& scene, const Truth& truth, const SweepOptions& opti
         }
     }
     if (!options.rivals) return;
+    std::vector<std::uint32_t> lit; // the same for all
     for (const Family& family : families(luxel_size(scene.surfaces))) {
         if (!wanted(family.name)) continue;
+        if (lit.empty()) lit = lit_luxels(scene, truth, options.most_lit, context);
         std::vector<double> took;
         for (const Setting& s : family.settings) {
             Measurement m;
@@ -89,7 +92,7 @@ void sweep(const LightScene& scene, const Truth& truth, const SweepOptions& opti
                 m.scene = scene.name, m.method = family.name, m.setting = s.text, m.skipped = fmt::format("would take over {:g} CPU s", options.most_cpu_s);
             } else {
                 const double start = cpu_seconds();
-                m = measure_rival(scene, truth, family.name, s.text, s.make, options.most_lit, context);
+                m = measure_rival(scene, truth, family.name, s.text, s.make, lit, context);
                 took.push_back(cpu_seconds() - start);
             }
             done(m);

@@ -35,7 +35,7 @@ public:
                 rows[i].patch.push_back(j), rows[i].factor.push_back(static_cast<float>(sum));
             }
         });
-        const std::vector<Rgbd> h = solve_bounces(rows, direct, set_.reflectance, context);
+        const std::vector<Rgbd> h = solve_rows(rows, direct, set_.reflectance, context);
         for (std::size_t i = 0; i < n; ++i) radiance_.push_back(set_.reflectance[i] * h[i] * (1 / kPi));
         bytes_ = set_.bytes() + n * (sizeof(Rgbd) + sizeof(Row)) + pixels_.size() * sizeof(HemicubePixel);
         for (const Row& r : rows) bytes_ += r.patch.size() * 8;

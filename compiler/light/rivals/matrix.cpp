@@ -23,25 +23,6 @@ double folded_contour(Vec3 x, Vec3 n, std::span<const Vec3> polygon) {
     return std::max(0.0, -sum / (2 * kPi)); // polygons face x, so that they run clockwise around it
 }
 
-void clip(const Polygon& in, Vec3 x, Vec3 n, Polygon& out) {
-    out.clear();
-    for (std::size_t i = 0; i < in.size(); ++i) {
-        const Vec3 a = in[i], b = in[i + 1 == in.size() ? 0 : i + 1];
-        const double da = dot(a - x, n), db = dot(b - x, n);
-        if (da >= 0) out.push_back(a);
-        if ((da > 0 && db < 0) || (da < 0 && db > 0)) out.push_back(a + (b - a) * (da / (da - db)));
-    }
-}
-Vec3 middle(const Polygon& p, double* area) {
-    Vec3 sum;
-    *area = 0;
-    for (std::size_t i = 1; i + 1 < p.size(); ++i) {
-        const double a = length(cross(p[i] - p[0], p[i + 1] - p[0])) / 2;
-        sum += (p[0] + p[i] + p[i + 1]) * (a / 3), *area += a;
-    }
-    return sum;
-}
-
 double point_factor(Vec3 x, Vec3 d, const Element& e) {
     const Vec3 to = e.point - x;
     const double r2 = dot(to, to);
@@ -66,7 +47,7 @@ public:
         parallel_for(context, n, [&](std::size_t i) {
             direct[i] = direct_at(set_.elements[i].point, set_.elements[i].normal, set_.directions[i])[0];
         });
-        const std::vector<Rgbd> h = solve_bounces(rows_, direct, set_.reflectance, context);
+        const std::vector<Rgbd> h = solve_rows(rows_, direct, set_.reflectance, context);
         radiance_.resize(n);
         for (std::size_t i = 0; i < n; ++i) radiance_[i] = set_.reflectance[i] * h[i] * (1 / kPi);
         // The same exchange once more, along all four directions.
@@ -111,10 +92,11 @@ private:
             Vec3 moment;
             double all = 0;
             for (const Polygon& part : e.parts) {
-                clip(part, x, n, above);
+                above.clear();
+                clip_to_horizon(x, n, part, [&](Vec3 p) { above.push_back(p); });
                 if (above.size() < 3) continue;
                 double a = 0;
-                moment += middle(above, &a), all += a;
+                moment += moment_of(above, &a), all += a;
                 for (std::size_t d = 0; d < 4; ++d) f[d] += lambert_form_factor(x, directions[d], above);
             }
             if (aim && all > 0 && all < e.area * (1 - 1e-9)) *aim = moment / all;
@@ -273,7 +255,7 @@ double matrix_factor(MatrixRule rule, Vec3 x, Vec3 n, std::span<const Vec3> conv
     Vec3 normal;
     for (std::size_t i = 1; i + 1 < convex.size(); ++i) normal += cross(convex[i] - convex[0], convex[i + 1] - convex[0]);
     double area = 0;
-    e.point = middle(e.parts[0], &area) / (length(normal) / 2);
+    e.point = moment_of(e.parts[0], &area) / (length(normal) / 2);
     e.area = length(normal) / 2, e.normal = normalize(normal);
     if (rule == MatrixRule::centre || !(kNear * dot(e.point - x, e.point - x) < e.area)) return point_factor(x, n, e);
     return rule == MatrixRule::vrad ? folded_contour(x, n, e.parts[0]) : lambert_form_factor(x, n, e.parts[0]);

@@ -1,6 +1,6 @@
 // Patches as those methods want them: flat, with a middle that lies on the surface, in few convex parts.
 #include "compiler/light/rivals/parts.h"
-#include "libs/parallel/parallel.h"
+#include "compiler/light/jacobi.h"
 #include <map>
 #include <numbers>
 
@@ -37,20 +37,6 @@ void merge(std::vector<LuxelRect>& rects) {
     }
 }
 
-double area_of(const Polygon& p) {
-    Vec3 sum;
-    for (std::size_t i = 1; i + 1 < p.size(); ++i) sum += cross(p[i] - p[0], p[i + 1] - p[0]);
-    return length(sum) / 2;
-}
-Vec3 middle_of(const Polygon& p) { // centroid
-    Vec3 sum;
-    double all = 0;
-    for (std::size_t i = 1; i + 1 < p.size(); ++i) {
-        const double a = length(cross(p[i] - p[0], p[i + 1] - p[0]));
-        sum += (p[0] + p[i] + p[i + 1]) * (a / 3), all += a;
-    }
-    return all > 0 ? sum / all : p[0];
-}
 bool holds(const Polygon& p, Vec3 n, Vec3 x) {
     for (std::size_t i = 0; i < p.size(); ++i)
         if (dot(cross(p[(i + 1) % p.size()] - p[i], x - p[i]), n) < 0) return false;
@@ -62,20 +48,23 @@ Element element_of(std::vector<Polygon> parts, Vec3 normal) {
     Element e;
     e.normal = normal;
     Vec3 sum;
+    std::vector<Vec3> middles;
     for (const Polygon& p : parts) {
-        const double a = area_of(p);
-        e.area += a, sum += middle_of(p) * a;
+        double a = 0;
+        const Vec3 moment = moment_of(p, &a);
+        e.area += a, sum += moment;
+        middles.push_back(a > 0 ? moment / a : p[0]);
     }
     e.point = e.area > 0 ? sum / e.area : parts.at(0).at(0);
     const Vec3 wanted = e.point;
     double best = 1e300;
-    for (const Polygon& p : parts) {
-        if (holds(p, normal, wanted)) {
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+        if (holds(parts[i], normal, wanted)) {
             e.point = wanted;
             break;
         }
-        const Vec3 m = middle_of(p), d = m - wanted;
-        if (dot(d, d) < best) best = dot(d, d), e.point = m;
+        const Vec3 d = middles[i] - wanted;
+        if (dot(d, d) < best) best = dot(d, d), e.point = middles[i];
     }
     e.parts = std::move(parts);
     return e;
@@ -134,6 +123,16 @@ void bisect(const Polygon& triangle, double size, std::vector<Polygon>& out) {
 
 } // namespace
 
+Vec3 moment_of(const Polygon& p, double* area) {
+    Vec3 sum;
+    *area = 0;
+    for (std::size_t i = 1; i + 1 < p.size(); ++i) {
+        const double a = length(cross(p[i] - p[0], p[i + 1] - p[0])) / 2;
+        sum += (p[0] + p[i] + p[i + 1]) * (a / 3), *area += a;
+    }
+    return sum;
+}
+
 std::uint64_t PatchSet::bytes() const {
     std::uint64_t sum = table.piece_patch.size() * 4 + table.texel_patch.size() * 4 + luxel_patch.size() * 4;
     for (const Element& e : elements) {
@@ -191,35 +190,11 @@ PatchSet uniform_patches(const Scene& scene, double size) {
     return set;
 }
 
-std::vector<Rgbd> solve_bounces(const std::vector<Row>& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& reflectance, Context& context) {
-    constexpr double kShare = 1e-4;
-    constexpr int kMostSweeps = 5000; // rows that sum to more than 1 / rho never settle
-    const std::size_t n = direct.size();
-    double rho = 0;
-    for (const Rgbd& r : reflectance) rho = std::max(rho, max_component(r));
-    std::vector<Rgbd> h = direct, next(n), b(n);
-    constexpr std::size_t kChunk = 256;
-    const std::size_t chunks = (n + kChunk - 1) / kChunk;
-    std::vector<double> change(chunks), largest(chunks);
-    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-        for (std::size_t p = 0; p < n; ++p) b[p] = reflectance[p] * h[p];
-        parallel_for(context, chunks, [&](std::size_t c) {
-            change[c] = largest[c] = 0;
-            for (std::size_t p = c * kChunk; p < std::min(n, (c + 1) * kChunk); ++p) {
-                Rgbd sum = direct[p];
-                for (std::size_t k = 0; k < rows[p].patch.size(); ++k) sum += b[rows[p].patch[k]] * static_cast<double>(rows[p].factor[k]);
-                const Rgbd d = sum - h[p];
-                change[c] = std::max({change[c], std::abs(d.x), std::abs(d.y), std::abs(d.z)});
-                largest[c] = std::max(largest[c], max_component(sum));
-                next[p] = sum;
-            }
-        });
-        std::swap(h, next);
-        double r = 0, top = 0;
-        for (std::size_t c = 0; c < chunks; ++c) r = std::max(r, change[c]), top = std::max(top, largest[c]);
-        if (!(r * rho / (1 - rho) > kShare * top) || !(top < 1e30)) break;
-    }
-    return h;
+std::vector<Rgbd> solve_rows(const std::vector<Row>& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& reflectance, Context& context) {
+    const auto add_row = [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
+        for (std::size_t k = 0; k < rows[p].patch.size(); ++k) sum += b[rows[p].patch[k]] * static_cast<double>(rows[p].factor[k]);
+    };
+    return solve_bounces(direct, reflectance, 1e-4, context, add_row, 1e30).irradiance;
 }
 
 Irradiance entities_at(const Scene& scene, Vec3 point, Vec3 normal, const std::array<Vec3, 4>& directions, std::uint64_t seed, std::atomic<std::uint64_t>& rays) {
@@ -230,9 +205,5 @@ Irradiance entities_at(const Scene& scene, Vec3 point, Vec3 normal, const std::a
     return sum;
 }
 
-std::uint64_t seed_at(Vec3 p, std::uint64_t seed) {
-    const auto q = [](double x) { return static_cast<std::uint64_t>(std::llround(x * 64)); };
-    return mix(seed, q(p.x), q(p.y), q(p.z));
-}
 
 } // namespace kiln::rivals

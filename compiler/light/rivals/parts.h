@@ -8,6 +8,8 @@ namespace kiln::rivals {
 
 using Polygon = std::vector<Vec3>; // convex, counter-clockwise seen from its front
 
+Vec3 moment_of(const Polygon& polygon, double* area); // integral of the place over it
+
 // A flat piece that sends light: a patch, or part of an emitter.
 struct Element {
     Vec3 point, normal; // its middle, on the surface
@@ -37,7 +39,7 @@ struct Row {
     std::vector<float> factor;
 };
 // H = direct + F rho H, Jacobi in fixed order until the bound on the error is 1e-4 of the largest.
-std::vector<Rgbd> solve_bounces(const std::vector<Row>& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& reflectance, Context& context);
+std::vector<Rgbd> solve_rows(const std::vector<Row>& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& reflectance, Context& context);
 
 // The four directions at a point of a face.
 std::array<Vec3, 4> directions_at(const Scene& scene, FaceId face, Vec3 point);
@@ -46,6 +48,6 @@ Irradiance entities_at(const Scene& scene, Vec3 point, Vec3 normal, const std::a
 inline void add(Irradiance& sum, const std::array<Vec3, 4>& directions, Vec3 way, Rgbd weight) { // weight: radiance times solid angle
     for (std::size_t k = 0; k < 4; ++k) sum[k] += weight * std::max(0.0, dot(way, directions[k]));
 }
-std::uint64_t seed_at(Vec3 point, std::uint64_t seed); // by place in the world, 1/64 unit
+inline std::uint64_t seed_at(Vec3 point, std::uint64_t seed) { return mix_place(point, seed); }
 
 } // namespace kiln::rivals

@@ -52,20 +52,7 @@ private:
             const Vec3 direction = frame.world(kFirstMap.direction(points.pair(i, 0)));
             const double q = density(direction);
             if (!(q > 0)) continue;
-            ++rays;
-            const std::optional<SceneHit> hit = d.scene.closest(x[p], direction);
-            Rgbd radiance;
-            if (!hit) {
-                radiance = d.sky;
-            } else if (!hit->back) {
-                radiance = tracer.reflected(*hit, direction, random, false);
-                const std::uint32_t e = d.emitter(*hit, direction);
-                if (e != UINT32_MAX) {
-                    const double other = tracer.density_of(choice[p], e, hit->position - x[p], -dot(direction, d.emitters.emitters[e].normal));
-                    radiance += d.emitters.emitters[e].radiance * (q / (other + q));
-                }
-            }
-            add(sum, r.directions, direction, radiance * (share / q));
+            add(sum, r.directions, direction, tracer.met(choice[p], x[p], direction, q, random) * (share / q));
         }
         rays_.fetch_add(rays, std::memory_order_relaxed);
         return sum;

@@ -219,8 +219,7 @@ TEST(Bake, SomeOfManyLightsStandForAll) {
     const auto b = bake(std::move(scene), {.error_percent = 20}, lamps);
     const PathTracer all_lights{b->field->data()};
     for (const Vec3 at : {Vec3{244, 64, 48}, Vec3{244, 76.5, 58}}) {
-        NearLights near;
-        near.build(b->field->data(), at);
+        const NearLights near(b->field->data(), at);
         EXPECT_GT(near.others.size(), 10u);
         EXPECT_EQ(near.seen.empty(), at.y == 64);
         PathTracer some = all_lights;

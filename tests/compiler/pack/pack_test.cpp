@@ -156,8 +156,8 @@ TEST(PackedWater, DistancesAreToTheNearestSurfaceInSight) {
 }
 
 TEST_F(PackedRooms, NamesTheFilesOfInstances) {
-    b.world.file = "/home/someone/maps/test.map";
-    b.world.included = {"/home/someone/maps/parts/../parts/stairs.vmf", "/home/someone/prefabs/lamp.map"};
+    b.world.file = "/somewhere/maps/test.map";
+    b.world.included = {"/somewhere/maps/parts/../parts/stairs.vmf", "/somewhere/prefabs/lamp.map"};
     b.world.brushes[3].file = 1, b.world.entities.back().file = 2;
     const Bytes bytes = pack(input(), {}, context);
     const level::Level level(bytes);

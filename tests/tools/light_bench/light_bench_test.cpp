@@ -90,7 +90,7 @@ TEST(LightBench, MeasuresAFurnace) {
     EXPECT_GT(own.cpu_s, 0);
     EXPECT_GT(own.calibration, 1e5);
     const auto rival = [&](std::uint32_t lit) {
-        return measure_rival(scene, *truth, "hemicube", "", [](const rivals::Scene& s, Context& c) { return rivals::hemicube_radiosity(s, {.patch_size = 32, .resolution = 16}, c); }, lit, context);
+        return measure_rival(scene, *truth, "hemicube", "", [](const rivals::Scene& s, Context& c) { return rivals::hemicube_radiosity(s, {.patch_size = 32, .resolution = 16}, c); }, lit_luxels(scene, *truth, lit, context), context);
     };
     const Measurement some = rival(1), all = rival(100000);
     EXPECT_EQ(some.lit, 60u);
