@@ -108,13 +108,8 @@ std::uint32_t file_number(const World& world, const std::string& name) {
     const auto at = std::ranges::find(world.included, name);
     return name == world.file || at == world.included.end() ? 0 : static_cast<std::uint32_t>(at - world.included.begin()) + 1;
 }
-// Their names say where they lie beside the map, not where on this machine.
 void add_files(const World& world, level::LevelContent& out) {
-    const std::filesystem::path directory = std::filesystem::path(world.file).parent_path();
-    for (const std::string& name : world.included) {
-        const std::filesystem::path path = std::filesystem::path(name).lexically_normal(), beside = path.lexically_relative(directory.lexically_normal().empty() ? "." : directory.lexically_normal());
-        out.source_files.push_back((beside.empty() ? path.filename() : beside).generic_string());
-    }
+    for (const std::string& name : world.included) out.source_files.push_back(name_beside(world.file, name));
 }
 
 // Which brush of the level each brush of the world is; UINT32_MAX: it was invalid and left out.
@@ -410,6 +405,12 @@ level::LevelContent level_content(const PackInput& in, Context& context) {
         out.entities.push_back(std::move(entity));
     }
     return out;
+}
+
+std::string name_beside(const std::string& map, const std::string& file) {
+    const std::filesystem::path path = std::filesystem::path(file).lexically_normal(), directory = std::filesystem::path(map).parent_path().lexically_normal();
+    const std::filesystem::path beside = path.lexically_relative(directory.empty() ? "." : directory);
+    return (beside.empty() ? path.filename() : beside).generic_string();
 }
 
 Bytes pack(const PackInput& input, const level::WriteOptions& options, Context& context) {

@@ -206,7 +206,7 @@ Rows dump_bevels(const kiln_level* l) {
         const kiln_bevel* bevel = kiln_level_brush_bevels(l, i, &n);
         const kiln_source s = source_of(l, kiln_level_brush_source, i);
         for (std::size_t k = 0; k < n; ++k)
-            rows.push_back({{"brush", s.brush}, {"index", i}, {"entity", s.entity}, {"line", s.line}, {"normal", row(bevel[k].normal)}, {"distance", bevel[k].distance}});
+            rows.push_back({{"brush", s.brush}, {"index", i}, {"entity", s.entity}, {"file", file_of(l, kiln_level_brush_file, i)}, {"line", s.line}, {"normal", row(bevel[k].normal)}, {"distance", bevel[k].distance}});
     }
     return rows;
 }

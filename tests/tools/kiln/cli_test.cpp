@@ -164,6 +164,11 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     EXPECT_EQ(dumped[1]["leak"], 2);
     EXPECT_EQ(dumped[1]["area"], 128 * 96);
     EXPECT_GT(dumped[1]["near"].size(), 3u);
+    EXPECT_EQ(dumped[1]["near_at"].size(), dumped[1]["near"].size());
+    EXPECT_TRUE(std::regex_match(dumped[1]["near_at"][0].get<std::string>(), std::regex("leak\\.map:\\d+"))) << dumped[1];
+    EXPECT_EQ(dumped[1]["file"], nullptr); // the map itself
+    EXPECT_EQ(dumped[1]["in_void"], false);
+    EXPECT_LE(dumped[0]["length"].get<double>(), dumped[1]["length"].get<double>());
     w.write("out.leak2.txt", "of somebody else");
     w.write("outer.leak2.pts", "of another map");
     w.write("out.leak7.map", world("")), w.write("out.leak7.pts", "of the map of that name");
@@ -171,6 +176,13 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     o = build(w, w.write("leak.map", world(room_at(0, true) + room_at(500, true)) + things));
     EXPECT_EQ(o.code, 0) << o.said;
     EXPECT_TRUE(says(o, "[areaportal-leak]")) << o.said;
+    const auto around = nlohmann::json::parse(w.run({"dump", "leak", w.path("leak.map"), "--json", "-q"}).out);
+    ASSERT_EQ(around.size(), 1u); // sealed; the area portal that parts nothing is left
+    EXPECT_EQ(around[0]["area_portal"], 0);
+    EXPECT_EQ(around[0]["areas"][0], around[0]["areas"][1]);
+    EXPECT_EQ(around[0]["path"].front(), around[0]["from"]);
+    EXPECT_EQ(around[0]["path"].back(), around[0]["to"]);
+    EXPECT_GT(around[0]["length"].get<double>(), 4); // the portal is 4 thick
     EXPECT_FALSE(w.has("out.leak2.pts"));
     EXPECT_FALSE(w.has("out.leak2.lin"));
     EXPECT_TRUE(w.has("out.leak2.txt"));
