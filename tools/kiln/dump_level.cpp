@@ -42,6 +42,13 @@ Json file_of(const kiln_level* l, kiln_status (*get)(const kiln_level*, std::uin
     return *file ? Json(file) : Json();
 }
 
+// An entity by what the map calls it, as rows of brushes and faces do.
+Json with_entity(const kiln_level* l, std::uint32_t e, Json row) {
+    const kiln_source s = source_of(l, kiln_level_entity_source, e);
+    row["entity"] = s.entity, row["file"] = file_of(l, kiln_level_entity_file, e), row["line"] = s.line;
+    return row;
+}
+
 Rows dump_planes(const kiln_level* l) {
     Rows rows;
     const auto p = rows_of(l, kiln_level_planes);
@@ -232,7 +239,8 @@ Rows dump_area_portals(const kiln_level* l) {
     const auto p = rows_of(l, kiln_level_area_portals);
     const auto x = rows_of(l, kiln_level_area_portal_points, 3);
     for (std::size_t i = 0; i < p.size(); ++i)
-        rows.push_back({{"area_portal", i}, {"entity", p[i].entity}, {"brush", p[i].brush}, {"areas", row(p[i].area)}, {"winding", points(x, p[i].first_point, p[i].point_count)}});
+        rows.push_back(with_entity(l, static_cast<std::uint32_t>(p[i].entity), {{"area_portal", i}, {"brush", source_of(l, kiln_level_brush_source, p[i].brush).brush},
+                                   {"areas", row(p[i].area)}, {"winding", points(x, p[i].first_point, p[i].point_count)}}));
     return rows;
 }
 Rows dump_waters(const kiln_level* l) {
@@ -255,7 +263,7 @@ Rows dump_occluders(const kiln_level* l) {
     for (std::size_t i = 0; i < o.size(); ++i) {
         Json polygons = Json::array();
         for (const kiln_occluder_polygon& q : p.subspan(o[i].first_polygon, o[i].polygon_count)) polygons.push_back(points(x, q.first_point, q.point_count));
-        rows.push_back({{"occluder", i}, {"entity", o[i].entity}, {"area", o[i].area}, {"polygons", polygons}});
+        rows.push_back(with_entity(l, static_cast<std::uint32_t>(o[i].entity), {{"occluder", i}, {"area", o[i].area}, {"polygons", polygons}}));
     }
     return rows;
 }
@@ -272,8 +280,8 @@ Rows dump_overlays(const kiln_level* l) {
             for (const kiln_overlay_point& q : x.subspan(part_of.first_point, part_of.point_count)) corners.push_back({{"position", row(q.position)}, {"uv", row(q.uv)}});
             fragments.push_back({{"face", part_of.face}, {"points", corners}});
         }
-        rows.push_back({{"overlay", i}, {"kind", o[i].kind ? "decal" : "overlay"}, {"material", o[i].material < m.size() ? Json(m[o[i].material].name) : Json()}, {"entity", o[i].entity},
-                        {"render_order", o[i].render_order}, {"fade", {o[i].fade_min, o[i].fade_max}}, {"fragments", fragments}});
+        rows.push_back(with_entity(l, static_cast<std::uint32_t>(o[i].entity), {{"overlay", i}, {"kind", o[i].kind ? "decal" : "overlay"}, {"material", o[i].material < m.size() ? Json(m[o[i].material].name) : Json()}, 
+                        {"render_order", o[i].render_order}, {"fade", {o[i].fade_min, o[i].fade_max}}, {"fragments", fragments}}));
     }
     return rows;
 }
@@ -283,11 +291,12 @@ Rows dump_displacements(const kiln_level* l) {
     const auto x = rows_of(l, kiln_level_displacement_vertices, 4), blends = rows_of(l, kiln_level_displacement_blends, 4);
     const auto tags = rows_of(l, kiln_level_displacement_tags);
     const auto m = rows_of(l, kiln_level_materials);
-    for (std::size_t i = 0; i < d.size(); ++i) {
+    for (std::uint32_t i = 0; i < d.size(); ++i) {
+        const kiln_source at = source_of(l, kiln_level_displacement_source, i);
         Json vertices = Json::array(), mix = Json::array();
         for (std::size_t k = 0; k < d[i].vertex_count; ++k) vertices.push_back(part(x, 4 * (d[i].first_vertex + k), 4));
         for (std::size_t k = 0; k < d[i].blend_count; ++k) mix.push_back(part(blends, 4 * (d[i].first_blend + k), 4));
-        rows.push_back({{"displacement", i}, {"face", index(d[i].face)}, {"model", d[i].model}, {"material", d[i].material < m.size() ? Json(m[d[i].material].name) : Json()}, {"power", d[i].power},
+        rows.push_back({{"displacement", i}, {"brush", at.brush}, {"side", at.side}, {"file", file_of(l, kiln_level_displacement_file, i)}, {"line", at.line}, {"face", index(d[i].face)}, {"model", d[i].model}, {"material", d[i].material < m.size() ? Json(m[d[i].material].name) : Json()}, {"power", d[i].power},
                         {"flags", d[i].flags}, {"base", row(d[i].base)}, {"vertices", vertices}, {"blends", mix}, {"tags", part(tags, d[i].first_tag, d[i].tag_count)}});
     }
     return rows;
@@ -297,10 +306,11 @@ Rows dump_patch_grids(const kiln_level* l) {
     const auto p = rows_of(l, kiln_level_curved_patches);
     const auto x = rows_of(l, kiln_level_patch_vertices, 5);
     const auto m = rows_of(l, kiln_level_materials);
-    for (std::size_t i = 0; i < p.size(); ++i) {
+    for (std::uint32_t i = 0; i < p.size(); ++i) {
+        const kiln_source at = source_of(l, kiln_level_patch_source, i);
         Json vertices = Json::array();
         for (std::size_t k = 0; k < p[i].vertex_count; ++k) vertices.push_back(part(x, 5 * (p[i].first_vertex + k), 5));
-        rows.push_back({{"patch_grid", i}, {"face", index(p[i].face)}, {"model", p[i].model}, {"material", p[i].material < m.size() ? Json(m[p[i].material].name) : Json()},
+        rows.push_back({{"patch_grid", i}, {"entity", at.entity}, {"patch", at.brush}, {"file", file_of(l, kiln_level_patch_file, i)}, {"line", at.line}, {"face", index(p[i].face)}, {"model", p[i].model}, {"material", p[i].material < m.size() ? Json(m[p[i].material].name) : Json()},
                         {"columns", p[i].columns}, {"rows", p[i].rows}, {"vertices", vertices}});
     }
     return rows;
@@ -316,9 +326,9 @@ constexpr LevelArtefact kArtefacts[] = {
     {"lights", dump_lights, "light"},       {"cubes", dump_cubes, "cube lights"},
     {"probes", dump_probes, "probe entity"}, {"entities", dump_entities, "index line"},
     {"bevels", dump_bevels, "index line"},  {"areas", dump_areas, "area area_portals_to"},
-    {"area_portals", dump_area_portals, "area_portal brush areas"}, {"waters", dump_waters, "water"},
-    {"occluders", dump_occluders, "occluder area"}, {"overlays", dump_overlays, "overlay fragments"},
-    {"displacements", dump_displacements, "displacement face"}, {"patch_grids", dump_patch_grids, "patch_grid face"},
+    {"area_portals", dump_area_portals, "area_portal areas line"}, {"waters", dump_waters, "water"},
+    {"occluders", dump_occluders, "occluder area line"}, {"overlays", dump_overlays, "overlay fragments line"},
+    {"displacements", dump_displacements, "displacement face line"}, {"patch_grids", dump_patch_grids, "patch_grid face line"},
 };
 
 } // namespace
