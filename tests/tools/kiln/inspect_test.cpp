@@ -263,10 +263,59 @@ TEST(Inspect, ObjOfEveryStage) {
         EXPECT_TRUE(std::string(stage) == "portals" || (faces > 5) == !none) << stage;
     }
     for (const char* stage : {"portals", "overlays", "faces", "charts"}) EXPECT_EQ(w.run({"export", w.path("room.kiln"), "--stage", stage, "-o", w.path("y.obj")}).code, 0) << stage;
+    // Curves are among what is drawn, in the middle as high as they will be; decals where they lie.
+    const std::string full = w.write("crowded.map", crowded());
+    for (const auto& [flatness, cells] : {std::pair{"0.5", 64u}, std::pair{"8", 4u}}) {
+        ASSERT_EQ(w.run({"export", full, "--stage", "brushes", "--curve-flatness", flatness, "-q", "-o", w.path("c.obj")}).code, 0);
+        std::istringstream drawn(text_of(w.path("c.obj")));
+        bool curve = false;
+        std::size_t quads = 0, middle = 0;
+        for (std::string line; std::getline(drawn, line);) {
+            if (line.starts_with("g ")) curve = line == "g patch_10";
+            quads += curve && line.starts_with("f ");
+            middle += line == "v 40 40 44";
+        }
+        EXPECT_EQ(quads, cells) << flatness;
+        EXPECT_GE(middle, 1u);
+    }
+    ASSERT_EQ(w.run({"export", full, "--stage", "overlays", "-q", "-o", w.path("c.obj")}).code, 0);
+    std::istringstream lie(text_of(w.path("c.obj")));
+    std::size_t corners = 0;
+    for (std::string line; std::getline(lie, line);)
+        if (line.starts_with("v ")) {
+            double x = 0, y = 1, z = 0;
+            ASSERT_EQ(std::sscanf(line.c_str(), "v %lf %lf %lf", &x, &y, &z), 3);
+            EXPECT_EQ(y, 0); // on the wall
+            ++corners;
+        }
+    EXPECT_GE(corners, 4u);
     Outcome o = w.run({"export", w.path("room.kiln"), "--stage", "brushes", "-o", w.path("y.obj")});
     EXPECT_EQ(o.code, 2) << o.said;
     EXPECT_EQ(w.run({"export", map, "-o", w.path("x.fbx")}).code, 2);
     EXPECT_EQ(w.run({"export", map, "-o", w.path("no/folder/x.obj"), "-q"}).code, 8);
+}
+
+// Of Quake's own sky and Source's in one map both are kept, and stand together.
+TEST(Inspect, GltfKeepsEverySky) {
+    const Workplace w;
+    const std::string text = furnished() + entity("light_environment", 64, 48, 70, "\"_light\" \"255 255 255 100\"\n\"_ambient\" \"255 255 255 50\"\n");
+    const auto sky_of = [&](const std::string& map) {
+        const Outcome o = w.run({"export", w.write("sky.map", map), "-q", "-o", w.path("sky.glb")});
+        EXPECT_EQ(o.code, 0) << o.said;
+        return read_glb(bytes_of(w.path("sky.glb"))).json["nodes"][0]["extras"]["kiln"];
+    };
+    const auto one = sky_of(text);
+    ASSERT_EQ(one["sky_lights"].size(), 1u);
+    EXPECT_EQ(one["sky"], one["sky_lights"][0]["intensity"]);
+    std::string with_both = text;
+    with_both.replace(with_both.find("\"worldspawn\"\n"), 13, "\"worldspawn\"\n\"_sunlight2\" \"100\"\n");
+    const auto both = sky_of(with_both);
+    ASSERT_EQ(both["sky_lights"].size(), 2u);
+    for (std::size_t c = 0; c < 3; ++c) {
+        EXPECT_NEAR(both["sky"][c].get<double>(), one["sky"][c].get<double>() + 100 / 255.0 / 3.14159265358979, 1e-5);
+        EXPECT_NEAR(both["sky"][c].get<double>(), both["sky_lights"][0]["intensity"][c].get<double>() + both["sky_lights"][1]["intensity"][c].get<double>(), 1e-6);
+    }
+    EXPECT_FALSE(sky_of(furnished()).contains("sky"));
 }
 
 // All that --help lists can be dumped, twice alike.
