@@ -209,6 +209,40 @@ TEST(Cli, ATrailThatCannotBeWrittenIsToldAndTheLeakStillDecides) {
     EXPECT_TRUE(says(o, "out.pts: error")) << o.said;
 }
 
+// Portals of a sealed world are no portals of one that leaks.
+TEST(Cli, APortalFileOfYesterdayGoes) {
+    const Workplace w;
+    const std::string two = room(256, 96, 80) + box(124, 0, 0, 132, 40, 80) + box(124, 56, 0, 132, 96, 80); // a doorway
+    const std::string start = entity("info_player_start", 32, 32, 24) + entity("light", 96, 64, 60);
+    const std::string sealed = world(two) + start, leaks = world(two.substr(two.find("}\n") + 2)) + start, single = lit_room();
+    w.write("out2.prt", "of another map"), w.write("out.prt.bak", "of somebody else");
+    const std::string map = w.write("m.map", sealed);
+    ASSERT_EQ(build(w, map).code, 0);
+    ASSERT_TRUE(w.has("out.prt"));
+    const std::string portals = text_of(w.path("out.prt"));
+    EXPECT_EQ(build(w, map, {"--leak-test"}).code, 0); // does not take away what still holds
+    EXPECT_EQ(text_of(w.path("out.prt")), portals);
+    w.write("m.map", sealed.substr(0, sealed.size() / 2));
+    EXPECT_EQ(build(w, map).code, 3); // nothing is known of what holds
+    EXPECT_EQ(text_of(w.path("out.prt")), portals);
+    w.write("m.map", leaks);
+    EXPECT_EQ(build(w, map, {"--leak-test"}).code, 4);
+    EXPECT_FALSE(w.has("out.prt"));
+    EXPECT_EQ(build(w, map, {"--allow-leaks"}).code, 0); // a level of its own, with portals of its own
+    EXPECT_TRUE(w.has("out.prt"));
+    EXPECT_EQ(build(w, map).code, 4);
+    EXPECT_FALSE(w.has("out.prt"));
+    w.write("out.prt", portals), w.write("m.map", single); // one cluster: no portals
+    EXPECT_EQ(build(w, map).code, 0);
+    EXPECT_FALSE(w.has("out.prt"));
+    std::filesystem::create_directory(w.path("out.prt")); // no file: left alone
+    w.write("m.map", leaks);
+    EXPECT_EQ(build(w, map).code, 4);
+    EXPECT_TRUE(w.has("out.prt"));
+    EXPECT_EQ(text_of(w.path("out2.prt")), "of another map");
+    EXPECT_EQ(text_of(w.path("out.prt.bak")), "of somebody else");
+}
+
 TEST(Cli, MissingOrBrokenMaterialFiles) {
     const Workplace w;
     const std::string map = w.write("room.map", lit_room());
