@@ -95,6 +95,24 @@ TEST(Cli, CoordinatesThatAreNoNumbersOrOutOfRangeAreNamed) {
     }
 }
 
+// Numbers that can each be used and lead out of the world together: the place is told, the rest is built.
+TEST(Cli, ADisplacementThatLeavesTheWorldIsNamed) {
+    const Workplace w;
+    std::string text = text_of(std::string(KILN_SOURCE_DIR) + "/maps/terrain/terrain.vmf");
+    const auto change = [&](const char* after, const std::string& from, const std::string& to) {
+        const std::size_t at = text.find(from, text.find(after));
+        ASSERT_NE(at, std::string::npos);
+        text.replace(at, from.size(), to);
+    };
+    change("normals", "\"row0\" \"0 0 1", "\"row0\" \"0 0 130000");
+    const std::size_t row = text.find("\"row0\" \"", text.find("distances")) + 8;
+    text.replace(row, text.find(' ', row) - row, "100000");
+    const Outcome o = build(w, w.write("far.vmf", text), {"-q"});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(std::regex_search(o.said, std::regex("far\\.vmf:\\d+: error: .*vertex 0 in row 0 is moved by 1\\.3e\\+10 map units.*\\[displacement-invalid\\]"))) << o.said;
+    EXPECT_EQ(w.run({"verify", w.path("out.kiln"), "-q"}).code, 0);
+}
+
 TEST(Cli, ZeroTextureScaleIsAWarning) {
     const Workplace w;
     std::string brushes = room(128, 96, 80);
