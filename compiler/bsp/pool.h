@@ -1,4 +1,5 @@
-// Private to bsp: memory for many small arrays of one thread, given back in any order and used again.
+// Private to bsp: memory for many small arrays of one thread, given back in any order and used again. Threads have a pool
+// each; what one has made, another may read and hold on to, but not give back.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -6,6 +7,7 @@
 #include <cstddef>
 #include <memory>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 // What is given back, and what no one has taken yet, is not to be touched: AddressSanitizer is told.
@@ -45,7 +47,9 @@ public:
         used_ = 0;
     }
     Pool() = default;
-    Pool(Pool&&) = default;
+    Pool(Pool&& from) noexcept // what is moved from is empty, and can be used
+        : free_(std::exchange(from.free_, {})), chunks_(std::exchange(from.chunks_, {})), used_(std::exchange(from.used_, 0)), at_(std::exchange(from.at_, nullptr)),
+          end_(std::exchange(from.end_, nullptr)) {}
     Pool& operator=(Pool&&) = delete;
     ~Pool() { // to the heap as it came
         for (const Chunk& chunk : chunks_) allow(chunk.bytes.get(), chunk.size);
