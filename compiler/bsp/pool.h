@@ -1,4 +1,5 @@
-// Private to bsp: memory for many small arrays of one thread, given back in any order and used again.
+// Private to bsp: memory for many small arrays of one thread, given back in any order and used again. Threads have a pool
+// each; what one has made, another may read and hold on to, but not give back.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -6,6 +7,7 @@
 #include <cstddef>
 #include <memory>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 // What is given back, and what no one has taken yet, is not to be touched: AddressSanitizer is told.

@@ -103,13 +103,9 @@ void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush
     out.vis_rows = in.visibility.rows;
 }
 
-// Numbered as World::name_of does. Their names say where they lie beside the map, not where on this machine.
+// Numbered as World::name_of does.
 void add_files(const World& world, level::LevelContent& out) {
-    const std::filesystem::path directory = std::filesystem::path(world.file).parent_path().lexically_normal();
-    for (const std::string& name : world.included) {
-        const std::filesystem::path path = std::filesystem::path(name).lexically_normal(), beside = path.lexically_relative(directory.empty() ? "." : directory);
-        out.source_files.push_back((beside.empty() ? path.filename() : beside).generic_string());
-    }
+    for (const std::string& name : world.included) out.source_files.push_back(name_beside(world.file, name));
 }
 
 // Which brush of the level each brush of the world is; UINT32_MAX: it was invalid and left out.
@@ -405,6 +401,12 @@ level::LevelContent level_content(const PackInput& in, Context& context) {
         out.entities.push_back(std::move(entity));
     }
     return out;
+}
+
+std::string name_beside(const std::string& map, const std::string& file) {
+    const std::filesystem::path path = std::filesystem::path(file).lexically_normal(), directory = std::filesystem::path(map).parent_path().lexically_normal();
+    const std::filesystem::path beside = path.lexically_relative(directory.empty() ? "." : directory);
+    return (beside.empty() ? path.filename() : beside).generic_string();
 }
 
 Bytes pack(const PackInput& input, const level::WriteOptions& options, Context& context) {

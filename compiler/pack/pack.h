@@ -26,6 +26,8 @@ struct PackInput {
     const Probes& probes;
     std::string options_json, input_hash, version;
 };
+// What a level calls a file that the map brings in: where it lies beside the map, not where on this machine.
+std::string name_beside(const std::string& map, const std::string& file);
 level::LevelContent level_content(const PackInput& input, Context& context);
 Bytes pack(const PackInput& input, const level::WriteOptions& options, Context& context);
 

@@ -38,6 +38,15 @@ std::optional<std::string> flaw_of(const DocDisplacement& d) {
     if (!flaw && !d.triangle_tags.empty() && d.triangle_tags.size() != triangles)
         flaw = fmt::format("it has {} triangle tags, power {} needs {}", d.triangle_tags.size(), d.power, triangles);
     if (!flaw && !(usable(d.start) && usable(d.elevation))) flaw = "its start position or elevation is no usable number";
+    // Each number may be usable and their product lie where nothing can be built. The elevation goes along the side's
+    // normal, whichever way that is.
+    for (std::size_t v = 0; v < vertices && !flaw; ++v) {
+        Vec3 move;
+        if (!d.normals.empty() && !d.distances.empty()) move += d.normals[v] * d.distances[v];
+        if (!d.offsets.empty()) move += d.offsets[v];
+        if (!(length(move) + std::abs(d.elevation) <= kLargestCoordinate))
+            flaw = fmt::format("vertex {} in row {} is moved by {:.6g} map units, beyond {}", v % side, v / side, length(move) + std::abs(d.elevation), kLargestCoordinate);
+    }
     return flaw;
 }
 

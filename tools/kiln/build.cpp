@@ -98,12 +98,14 @@ Result<bool> write_trails(const std::string& stem, const Compiled& c) {
     std::map<std::filesystem::path, std::string> files;
     for (const auto& [name, path] : trails_of(c)) files[stem + name + ".pts"] = write_pts(path), files[stem + name + ".lin"] = write_lin(path);
     if (c.leaks.empty()) files[stem + ".pts"];
+    Result<bool> done = true; // what fails first is told, the rest is done all the same
+    const auto note = [&done](const Result<bool>& r) {
+        if (done && !r) done = r.fault();
+    };
+    for (const auto& [file, text] : files) note(write_file(file.string(), text));
     for (const std::filesystem::path& file : old_trails(stem))
-        if (std::ranges::none_of(files, [&](const auto& f) { return f.first.filename() == file.filename(); }))
-            if (auto r = remove_stale(file); !r) return r;
-    for (const auto& [file, text] : files)
-        if (auto r = write_file(file.string(), text); !r) return r;
-    return true;
+        if (std::ranges::none_of(files, [&](const auto& f) { return f.first.filename() == file.filename(); })) note(remove_stale(file));
+    return done;
 }
 
 } // namespace

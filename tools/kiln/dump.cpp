@@ -1,5 +1,6 @@
 // dump: any artefact of the way from map to level as rows; one row a line in text, an array of objects in JSON. Rows
 // stand in the order of their ids and numbers are printed shortest-exact, so dumps of equal artefacts are equal.
+#include "compiler/pack/pack.h"
 #include "libs/core/file.h"
 #include "tools/kiln/commands.h"
 #include "tools/kiln/dump_rows.h"
@@ -15,16 +16,17 @@ static_assert(std::size(kContents) == kContentsCount);
 
 Rows dump_document(const Compiled& c) {
     Rows rows;
+    const auto file = [&](std::uint16_t i) { return i ? Json(name_beside(c.document.file, c.document.name_of(i))) : Json(); };
     for (const DocEntity& e : c.document.entities) {
         Json keys = Json::array();
         for (const DocKey& k : e.keys) keys.push_back({k.key, k.value});
-        rows.push_back({{"entity", e.id}, {"line", e.line}, {"keys", keys}, {"brushes", e.brushes.size()}});
+        rows.push_back({{"entity", e.id}, {"file", file(e.file)}, {"line", e.line}, {"keys", keys}, {"brushes", e.brushes.size()}});
         for (const DocBrush& b : e.brushes) {
-            rows.push_back({{"brush", b.id}, {"line", b.line}, {"sides", b.sides.size()}});
+            rows.push_back({{"brush", b.id}, {"file", file(b.file)}, {"line", b.line}, {"sides", b.sides.size()}});
             for (const DocSide& s : b.sides) {
                 Json points = Json::array();
                 for (const auto& p : s.points) points.push_back({p[0].to_double(), p[1].to_double(), p[2].to_double()});
-                rows.push_back({{"side", s.id}, {"line", s.line}, {"material", s.material}, {"points", points}, {"u_axis", to_json(s.texture.u_axis)},
+                rows.push_back({{"side", s.id}, {"file", file(b.file)}, {"line", s.line}, {"material", s.material}, {"points", points}, {"u_axis", to_json(s.texture.u_axis)},
                                 {"v_axis", to_json(s.texture.v_axis)}, {"shift", {s.texture.u_shift, s.texture.v_shift}},
                                 {"scale", {s.texture.u_scale, s.texture.v_scale}}, {"lightmap_scale", s.lightmap_scale}, {"smoothing", s.smoothing_groups}});
             }
@@ -41,12 +43,12 @@ Rows dump_world(const Compiled& c) {
     }
     for (std::size_t i = 0; i < c.world.brushes.size(); ++i) {
         const WorldBrush& b = c.world.brushes[i];
-        rows.push_back({{"brush", i}, {"id", b.id}, {"line", b.line}, {"contents", name(b.contents)}, {"model", to_json(b.model)}, {"entity", to_json(b.entity)},
+        rows.push_back({{"brush", i}, {"id", b.id}, {"file", file_of(c.world, c.world.location(id<BrushId>(i)))}, {"line", b.line}, {"contents", name(b.contents)}, {"model", to_json(b.model)}, {"entity", to_json(b.entity)},
                         {"sides", b.side_count}, {"draws", b.draws}, {"casts_light_shadow", b.casts_light_shadow}});
     }
     for (std::size_t i = 0; i < c.world.entities.size(); ++i) {
         const WorldEntity& e = c.world.entities[i];
-        rows.push_back({{"entity", i}, {"id", e.id}, {"line", e.line}, {"classname", e.get("classname")}, {"model", to_json(e.model)},
+        rows.push_back({{"entity", i}, {"id", e.id}, {"file", file_of(c.world, c.world.location(id<EntityId>(i)))}, {"line", e.line}, {"classname", e.get("classname")}, {"model", to_json(e.model)},
                         {"origin", e.has_origin ? to_json(e.origin) : Json()}});
     }
     return rows;
@@ -55,7 +57,7 @@ Rows dump_csg(const Compiled& c) {
     Rows rows;
     for (std::size_t i = 0; i < c.csg.fragments.size(); ++i) {
         const Fragment& f = c.csg.fragments[i];
-        rows.push_back({{"fragment", i}, {"side", to_json(f.side)}, {"brush", to_json(f.brush)}, {"source", {c.world.location(f.side).entity, c.world.location(f.side).brush, c.world.location(f.side).side}}, {"model", to_json(f.model)}, {"behind", name(f.behind)},
+        rows.push_back({{"fragment", i}, {"side", to_json(f.side)}, {"brush", to_json(f.brush)}, {"source", {c.world.location(f.side).entity, c.world.location(f.side).brush, c.world.location(f.side).side}}, {"file", file_of(c.world, c.world.location(f.side))}, {"model", to_json(f.model)}, {"behind", name(f.behind)},
                         {"front", name(f.front)}, {"points", list(points(c.csg.planes, f.polygon))}});
     }
     return rows;
@@ -97,7 +99,7 @@ Rows dump_faces(const Compiled& c) {
         rows.push_back({{"face", i}, {"material", c.world.materials[f.material.at()].name}, {"model", to_json(f.model)}, {"chart", to_json(f.chart)},
                         {"normal", to_json(f.normal)}, {"distance", f.distance}, {"area", f.area}, {"triangles", f.triangle_count}, {"drawn", f.drawn},
                         {"sky", f.sky}, {"blocks_light", f.blocks_light}, {"tangent", to_json(f.tangent.t)}, {"bitangent", to_json(f.tangent.b)},
-                        {"clusters", list(f.clusters)}, {"brush", at.brush}, {"side", at.side}, {"line", at.line}});
+                        {"clusters", list(f.clusters)}, {"brush", at.brush}, {"side", at.side}, {"file", file_of(c.world, at)}, {"line", at.line}});
         if (f.curved()) rows.back()["curve"] = f.curve;
     }
     return rows;
@@ -111,7 +113,7 @@ Rows dump_curves(const Compiled& c) {
         for (const std::uint32_t p : k.grid) grid.push_back(to_json(c.surfaces.positions[p]));
         rows.push_back({{"curve", i}, {"kind", k.kind == Curve::displacement ? "displacement" : "patch"}, {"source", k.source},
                         {"columns", k.columns}, {"rows", k.rows}, {"first_face", k.first_face}, {"faces", k.face_count},
-                        {"brush", at.brush}, {"side", at.side}, {"line", at.line}, {"vertices", grid}});
+                        {"brush", at.brush}, {"side", at.side}, {"file", file_of(c.world, at)}, {"line", at.line}, {"vertices", grid}});
     }
     return rows;
 }
@@ -138,7 +140,7 @@ Rows dump_overlays(const Compiled& c) {
         Json corners = Json::array();
         for (const Vec2 v : o.corners) corners.push_back({v.x, v.y});
         rows.push_back({{"overlay", i}, {"kind", o.kind == WorldOverlay::decal ? "decal" : "overlay"}, {"material", c.world.materials[o.material.at()].name},
-                        {"entity", to_json(o.entity)}, {"line", c.world.location(o.entity).line}, {"origin", to_json(o.origin)},
+                        {"entity", to_json(o.entity)}, {"file", file_of(c.world, c.world.location(o.entity))}, {"line", c.world.location(o.entity).line}, {"origin", to_json(o.origin)},
                         {"u", to_json(o.u)}, {"v", to_json(o.v)}, {"normal", to_json(o.normal)}, {"corners", corners}, {"uv_range", o.uv_range}, {"render_order", o.render_order},
                         {"fade", {o.fade_min, o.fade_max}}, {"sides", list(o.sides)}, {"fragments", parts[i].first}, {"area", parts[i].second}});
     }
@@ -258,6 +260,7 @@ void settle_for_diff(Rows& rows, const std::string& running) {
 
 } // namespace
 
+Json file_of(const World& world, const SourceLocation& at) { return at.file == world.file || at.file.empty() ? Json() : Json(name_beside(world.file, at.file)); }
 const char* name(Contents c) { return kContents[static_cast<std::size_t>(c) % std::size(kContents)]; }
 
 Command dump_command(CLI::App& app) {

@@ -1,5 +1,7 @@
 // Rows of what geometry is made of, beside the ones of dump.cpp.
+#include "compiler/pack/pack.h"
 #include "tools/kiln/dump_rows.h"
+#include <fmt/format.h>
 #include <map>
 
 namespace kiln {
@@ -14,7 +16,7 @@ Rows dump_brushes(const Compiled& c) {
         const WorldBrush& w = c.world.brushes[b];
         Json faces = Json::array();
         for (std::size_t f = 0; f < p.faces.size(); ++f) faces.push_back({{"side", c.world.sides[p.sides[f].at()].id}, {"winding", list(points(c.csg.planes, p.faces[f]))}});
-        rows.push_back({{"brush", w.id}, {"index", b}, {"line", w.line}, {"entity", c.world.entities[w.entity.at()].id}, {"contents", name(w.contents)}, {"model", to_json(w.model)},
+        rows.push_back({{"brush", w.id}, {"index", b}, {"file", file_of(c.world, c.world.location(id<BrushId>(b)))}, {"line", w.line}, {"entity", c.world.entities[w.entity.at()].id}, {"contents", name(w.contents)}, {"model", to_json(w.model)},
                         {"valid", p.valid}, {"bounds", to_json(p.bounds)}, {"faces", faces}});
     }
     return rows;
@@ -28,7 +30,7 @@ Rows dump_sides(const Compiled& c) {
         const WorldSide& w = c.world.sides[s];
         const auto it = planes.find(s);
         const bool bounds = it != planes.end();
-        rows.push_back({{"source", source(c.world.location(SideId{s}))}, {"index", s}, {"line", w.line}, {"material", c.world.materials[w.material.at()].name},
+        rows.push_back({{"source", source(c.world.location(SideId{s}))}, {"index", s}, {"file", file_of(c.world, c.world.location(SideId{s}))}, {"line", w.line}, {"material", c.world.materials[w.material.at()].name},
                         {"normal", bounds ? to_json(c.csg.planes.normal(it->second)) : Json()}, {"distance", bounds ? Json(c.csg.planes.distance(it->second)) : Json()},
                         {"lightmap_scale", w.lightmap_scale}, {"smoothing", w.smoothing_groups}, {"u_axis", to_json(w.texture.u_axis)}, {"v_axis", to_json(w.texture.v_axis)},
                         {"shift", {w.texture.u_shift, w.texture.v_shift}}, {"scale", {w.texture.u_scale, w.texture.v_scale}}, {"no_dynamic_shadow", w.no_dynamic_shadow}});
@@ -97,34 +99,46 @@ Rows dump_areas(const Compiled& c) {
 }
 Rows dump_leak(const Compiled& c) {
     Rows rows; // none: sealed
-    const auto brushes = [&](const std::vector<BrushId>& ids) {
+    const auto ids = [&](const std::vector<BrushId>& brushes) {
         Json j = Json::array();
-        for (const BrushId b : ids) j.push_back({c.world.location(b).brush, c.world.location(b).line});
+        for (const BrushId b : brushes) j.push_back(c.world.location(b).brush);
+        return j;
+    };
+    const auto places = [&](const std::vector<BrushId>& brushes) { // for editors to jump to
+        Json j = Json::array();
+        for (const BrushId b : brushes) {
+            const SourceLocation at = c.world.location(b);
+            j.push_back(fmt::format("{}:{}", name_beside(c.world.file, at.file), at.line));
+        }
         return j;
     };
     for (std::size_t i = 0; i < c.leaks.size(); ++i) {
         const Leak& leak = c.leaks[i];
         const SourceLocation at = leak.entity.valid() ? c.world.location(leak.entity) : SourceLocation{};
-        rows.push_back({{"leak", i + 1}, {"entity", at.entity}, {"line", at.line}, {"hole", to_json(leak.hole)}, {"width", leak.width}, {"area", leak.area}, {"length", leak.length},
-                        {"near", brushes(leak.near)}, {"passes", brushes(leak.passes)}, {"path", list(leak.path)}});
+        Json what = Json::array();
+        for (const BrushId b : leak.passes) what.push_back(name_of_unsealing(c.world, b));
+        rows.push_back({{"leak", i + 1}, {"entity", at.entity}, {"file", file_of(c.world, at)}, {"line", at.line}, {"in_void", leak.area == 0}, {"hole", to_json(leak.hole)}, {"width", leak.width},
+                        {"area", leak.area}, {"length", leak.length}, {"near", ids(leak.near)}, {"near_at", places(leak.near)}, {"passes", ids(leak.passes)}, {"passes_at", places(leak.passes)},
+                        {"passes_what", what}, {"path", list(leak.path)}});
     }
     for (const AreaPortal& p : c.bsp.area_portals) { // that part nothing: the way around
         if (p.leak.empty()) continue;
         const SourceLocation at = c.world.location(p.brush);
-        rows.push_back({{"area_portal", at.brush}, {"entity", at.entity}, {"line", at.line}, {"length", path_length(p.leak)}, {"path", list(p.leak)}});
+        rows.push_back({{"area_portal", at.brush}, {"entity", at.entity}, {"file", file_of(c.world, at)}, {"line", at.line}, {"areas", p.areas},
+                        {"from", to_json(p.leak.front())}, {"to", to_json(p.leak.back())}, {"length", path_length(p.leak)}, {"path", list(p.leak)}});
     }
     return rows;
 }
 Rows dump_gaps(const Compiled& c) {
     Rows rows;
-    for (const ClosedGap& g : c.bsp.closed) rows.push_back({{"side", source(c.world.location(g.side))}, {"winding", list(points(c.bsp.planes, g.polygon))}, {"leaf", to_json(g.leaf)}});
+    for (const ClosedGap& g : c.bsp.closed) rows.push_back({{"side", source(c.world.location(g.side))}, {"file", file_of(c.world, c.world.location(g.side))}, {"winding", list(points(c.bsp.planes, g.polygon))}, {"leaf", to_json(g.leaf)}});
     return rows;
 }
 Rows dump_visible(const Compiled& c) {
     Rows rows;
     for (const VisibleFragment& v : c.bsp.visible) {
         const Fragment& f = c.csg.fragments[v.fragment];
-        rows.push_back({{"side", source(c.world.location(f.side))}, {"behind", name(f.behind)}, {"front", name(f.front)}, {"winding", list(points(c.bsp.planes, v.polygon))}, {"fragment", v.fragment}, {"leaf", to_json(v.leaf)}});
+        rows.push_back({{"side", source(c.world.location(f.side))}, {"file", file_of(c.world, c.world.location(f.side))}, {"behind", name(f.behind)}, {"front", name(f.front)}, {"winding", list(points(c.bsp.planes, v.polygon))}, {"fragment", v.fragment}, {"leaf", to_json(v.leaf)}});
     }
     return rows;
 }
@@ -139,7 +153,7 @@ Rows dump_triangles(const Compiled& c) {
         Json corners = Json::array(), normals = Json::array();
         for (std::size_t k = 0; k < 3; ++k) corners.push_back(to_json(c.surfaces.positions[c.surfaces.triangles[t][k]])), normals.push_back(to_json(c.surfaces.corner_normals[t][k]));
         const FaceId f = c.surfaces.triangle_face[t];
-        rows.push_back({{"triangle", t}, {"face", to_json(f)}, {"vertices", c.surfaces.triangles[t]}, {"source", source(location_of(c.world, c.surfaces, f))}, {"corners", corners}, {"normals", normals}});
+        rows.push_back({{"triangle", t}, {"face", to_json(f)}, {"vertices", c.surfaces.triangles[t]}, {"source", source(location_of(c.world, c.surfaces, f))}, {"file", file_of(c.world, location_of(c.world, c.surfaces, f))}, {"corners", corners}, {"normals", normals}});
     }
     return rows;
 }
@@ -159,7 +173,7 @@ Rows dump_displacements(const Compiled& c) {
     Rows rows;
     for (const WorldDisplacement& d : c.world.displacements) {
         const DocDisplacement& g = d.grid;
-        rows.push_back({{"side", source(c.world.location(d.side))}, {"line", g.line}, {"power", g.power}, {"start", to_json(g.start)}, {"elevation", g.elevation}, {"flags", g.flags},
+        rows.push_back({{"side", source(c.world.location(d.side))}, {"file", file_of(c.world, c.world.location(d.side))}, {"line", g.line}, {"power", g.power}, {"start", to_json(g.start)}, {"elevation", g.elevation}, {"flags", g.flags},
                         {"normals", list(g.normals)}, {"distances", list(g.distances)}, {"offsets", list(g.offsets)}, {"alphas", list(g.alphas)}});
     }
     return rows;
@@ -167,7 +181,7 @@ Rows dump_displacements(const Compiled& c) {
 Rows dump_patch_grids(const Compiled& c) {
     Rows rows;
     for (const WorldPatch& p : c.world.patches)
-        rows.push_back({{"entity", c.world.entities[p.entity.at()].id}, {"patch", p.grid.id}, {"line", p.grid.line}, {"material", c.world.materials[p.material.at()].name}, {"model", to_json(p.model)},
+        rows.push_back({{"entity", c.world.entities[p.entity.at()].id}, {"patch", p.grid.id}, {"file", file_of(c.world, c.world.location(p))}, {"line", p.grid.line}, {"material", c.world.materials[p.material.at()].name}, {"model", to_json(p.model)},
                         {"size", {p.grid.columns, p.grid.rows}}, {"subdivisions", p.grid.subdivisions}, {"points", list(p.grid.points)}, {"uv", list(p.grid.uv)}});
     return rows;
 }
@@ -184,7 +198,7 @@ Rows dump_area_portals(const Compiled& c) {
     Rows rows;
     for (const AreaPortal& p : c.bsp.area_portals) {
         const SourceLocation at = c.world.location(p.brush);
-        rows.push_back({{"entity", at.entity}, {"brush", at.brush}, {"line", at.line}, {"areas", p.areas}, {"winding", list(p.winding)}});
+        rows.push_back({{"entity", at.entity}, {"brush", at.brush}, {"file", file_of(c.world, at)}, {"line", at.line}, {"areas", p.areas}, {"winding", list(p.winding)}});
     }
     return rows;
 }
@@ -193,7 +207,7 @@ Rows dump_occluders(const Compiled& c) {
     for (const Occluder& o : c.bsp.occluders) {
         Json polygons = Json::array();
         for (const std::uint32_t f : o.fragments) polygons.push_back(list(points(c.csg.planes, c.csg.fragments[f].polygon)));
-        rows.push_back({{"entity", c.world.location(o.entity).entity}, {"line", c.world.location(o.entity).line}, {"area", o.area}, {"polygons", polygons}});
+        rows.push_back({{"entity", c.world.location(o.entity).entity}, {"file", file_of(c.world, c.world.location(o.entity))}, {"line", c.world.location(o.entity).line}, {"area", o.area}, {"polygons", polygons}});
     }
     return rows;
 }
@@ -216,7 +230,7 @@ constexpr Artefact kArtefacts[] = {
     {"waters", Stage::bsp, dump_waters, "water"},
     {"area_portals", Stage::bsp, dump_area_portals, "line areas"},
     {"occluders", Stage::bsp, dump_occluders, "line area"},
-    {"leak", Stage::bsp, dump_leak, "leak line"},
+    {"leak", Stage::bsp, dump_leak, "leak line near_at passes_at passes_what areas"},
     {"gaps", Stage::bsp, dump_gaps, "leaf"},
     {"visible", Stage::bsp, dump_visible, "fragment leaf"},
     {"vertices", Stage::surfaces, dump_vertices, "vertex"},

@@ -48,6 +48,13 @@ Json file_of(const kiln_level* l, kiln_status (*get)(const kiln_level*, std::uin
     return *file ? Json(file) : Json();
 }
 
+// An entity by what the map calls it, as rows of brushes and faces do.
+Json with_entity(const kiln_level* l, std::uint32_t e, Json row) {
+    const kiln_source s = source_of(l, kiln_level_entity_source, e);
+    row["entity"] = s.entity, row["file"] = file_of(l, kiln_level_entity_file, e), row["line"] = s.line;
+    return row;
+}
+
 Rows dump_planes(const kiln_level* l) {
     Rows rows;
     const auto p = rows_of(l, kiln_level_planes);
@@ -212,7 +219,7 @@ Rows dump_bevels(const kiln_level* l) {
         const kiln_bevel* bevel = kiln_level_brush_bevels(l, i, &n);
         const kiln_source s = source_of(l, kiln_level_brush_source, i);
         for (std::size_t k = 0; k < n; ++k)
-            rows.push_back({{"brush", s.brush}, {"index", i}, {"entity", s.entity}, {"line", s.line}, {"normal", row(bevel[k].normal)}, {"distance", bevel[k].distance}});
+            rows.push_back({{"brush", s.brush}, {"index", i}, {"entity", s.entity}, {"file", file_of(l, kiln_level_brush_file, i)}, {"line", s.line}, {"normal", row(bevel[k].normal)}, {"distance", bevel[k].distance}});
     }
     return rows;
 }
@@ -238,7 +245,8 @@ Rows dump_area_portals(const kiln_level* l) {
     const auto p = rows_of(l, kiln_level_area_portals);
     const auto x = rows_of(l, kiln_level_area_portal_points, 3);
     for (std::size_t i = 0; i < p.size(); ++i)
-        rows.push_back({{"area_portal", i}, {"entity", p[i].entity}, {"brush", p[i].brush}, {"areas", row(p[i].area)}, {"winding", points(x, p[i].first_point, p[i].point_count)}});
+        rows.push_back(with_entity(l, static_cast<std::uint32_t>(p[i].entity), {{"area_portal", i}, {"brush", source_of(l, kiln_level_brush_source, p[i].brush).brush},
+                                   {"areas", row(p[i].area)}, {"winding", points(x, p[i].first_point, p[i].point_count)}}));
     return rows;
 }
 Rows dump_waters(const kiln_level* l) {
@@ -260,7 +268,7 @@ Rows dump_occluders(const kiln_level* l) {
     for (std::size_t i = 0; i < o.size(); ++i) {
         Json polygons = Json::array();
         for (const kiln_occluder_polygon& q : p.subspan(o[i].first_polygon, o[i].polygon_count)) polygons.push_back(points(x, q.first_point, q.point_count));
-        rows.push_back({{"occluder", i}, {"entity", o[i].entity}, {"area", o[i].area}, {"polygons", polygons}});
+        rows.push_back(with_entity(l, static_cast<std::uint32_t>(o[i].entity), {{"occluder", i}, {"area", o[i].area}, {"polygons", polygons}}));
     }
     return rows;
 }
@@ -276,8 +284,9 @@ Rows dump_overlays(const kiln_level* l) {
             for (const kiln_overlay_point& q : x.subspan(part_of.first_point, part_of.point_count)) corners.push_back({{"position", row(q.position)}, {"uv", row(q.uv)}});
             fragments.push_back({{"face", part_of.face}, {"points", corners}});
         }
-        rows.push_back({{"overlay", i}, {"kind", o[i].kind ? "decal" : "overlay"}, {"material", material_name(l, o[i].material)}, {"entity", o[i].entity},
-                        {"render_order", o[i].render_order}, {"fade", {o[i].fade_min, o[i].fade_max}}, {"fragments", fragments}});
+        rows.push_back(with_entity(l, static_cast<std::uint32_t>(o[i].entity),
+                                   {{"overlay", i}, {"kind", o[i].kind ? "decal" : "overlay"}, {"material", material_name(l, o[i].material)},
+                                    {"render_order", o[i].render_order}, {"fade", {o[i].fade_min, o[i].fade_max}}, {"fragments", fragments}}));
     }
     return rows;
 }
@@ -286,8 +295,10 @@ Rows dump_displacements(const kiln_level* l) {
     const auto d = rows_of(l, kiln_level_displacements);
     const auto x = rows_of(l, kiln_level_displacement_vertices, 4), blends = rows_of(l, kiln_level_displacement_blends, 4);
     const auto tags = rows_of(l, kiln_level_displacement_tags);
-    for (std::size_t i = 0; i < d.size(); ++i) {
-        rows.push_back({{"displacement", i}, {"face", index(d[i].face)}, {"model", d[i].model}, {"material", material_name(l, d[i].material)}, {"power", d[i].power},
+    for (std::uint32_t i = 0; i < d.size(); ++i) {
+        const kiln_source at = source_of(l, kiln_level_displacement_source, i);
+        rows.push_back({{"displacement", i}, {"brush", at.brush}, {"side", at.side}, {"file", file_of(l, kiln_level_displacement_file, i)}, {"line", at.line},
+                        {"face", index(d[i].face)}, {"model", d[i].model}, {"material", material_name(l, d[i].material)}, {"power", d[i].power},
                         {"flags", d[i].flags}, {"base", row(d[i].base)}, {"vertices", tuples(x, 4, d[i].first_vertex, d[i].vertex_count)}, {"blends", tuples(blends, 4, d[i].first_blend, d[i].blend_count)}, {"tags", part(tags, d[i].first_tag, d[i].tag_count)}});
     }
     return rows;
@@ -296,8 +307,10 @@ Rows dump_patch_grids(const kiln_level* l) {
     Rows rows;
     const auto p = rows_of(l, kiln_level_curved_patches);
     const auto x = rows_of(l, kiln_level_patch_vertices, 5);
-    for (std::size_t i = 0; i < p.size(); ++i) {
-        rows.push_back({{"patch_grid", i}, {"face", index(p[i].face)}, {"model", p[i].model}, {"material", material_name(l, p[i].material)},
+    for (std::uint32_t i = 0; i < p.size(); ++i) {
+        const kiln_source at = source_of(l, kiln_level_patch_source, i);
+        rows.push_back({{"patch_grid", i}, {"entity", at.entity}, {"patch", at.brush}, {"file", file_of(l, kiln_level_patch_file, i)}, {"line", at.line},
+                        {"face", index(p[i].face)}, {"model", p[i].model}, {"material", material_name(l, p[i].material)},
                         {"columns", p[i].columns}, {"rows", p[i].rows}, {"vertices", tuples(x, 5, p[i].first_vertex, p[i].vertex_count)}});
     }
     return rows;
@@ -313,9 +326,9 @@ constexpr LevelArtefact kArtefacts[] = {
     {"lights", dump_lights, "light"},       {"cubes", dump_cubes, "cube lights"},
     {"probes", dump_probes, "probe entity"}, {"entities", dump_entities, "index line"},
     {"bevels", dump_bevels, "index line"},  {"areas", dump_areas, "area area_portals_to"},
-    {"area_portals", dump_area_portals, "area_portal brush areas"}, {"waters", dump_waters, "water"},
-    {"occluders", dump_occluders, "occluder area"}, {"overlays", dump_overlays, "overlay fragments"},
-    {"displacements", dump_displacements, "displacement face"}, {"patch_grids", dump_patch_grids, "patch_grid face"},
+    {"area_portals", dump_area_portals, "area_portal areas line"}, {"waters", dump_waters, "water"},
+    {"occluders", dump_occluders, "occluder area line"}, {"overlays", dump_overlays, "overlay fragments line"},
+    {"displacements", dump_displacements, "displacement face line"}, {"patch_grids", dump_patch_grids, "patch_grid face line"},
 };
 
 } // namespace

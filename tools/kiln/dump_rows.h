@@ -24,6 +24,8 @@ template <class T> Json list(const std::vector<T>& values) {
     return j;
 }
 const char* name(Contents contents);
+// Null: the map itself. Others, of instances and prefabs, by where they lie beside it, as in a level.
+Json file_of(const World& world, const SourceLocation& at);
 
 struct Artefact {
     const char* name;

@@ -87,7 +87,7 @@ Command export_command(CLI::App& app) {
         }
         Compiled c;
         if (const int code = compile_map(o->bake, console, context, obj ? stage->needs : Stage::surfaces, c); code != 0) return code;
-        const auto written = obj ? write_obj_files(*o, stage->of_map(c))
+        const auto written = obj ? write_obj_files(*o, stage->of_map(c, o->bake.compile.surfaces))
                                  : write_gltf_files(*o, gltf_of_map(c, read_lights(c.world, context), {.metres_per_unit = o->scale, .name = file_name(stem_of(o->bake.map)), .lightmaps = {}}));
         if (!written) return console.fail(written.fault());
         return console.verdict(context);

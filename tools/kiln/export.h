@@ -14,7 +14,7 @@ struct ObjExport {
 struct ObjStage {
     const char* name;
     Stage needs;                            // of a map
-    ObjExport (*of_map)(const Compiled&);
+    ObjExport (*of_map)(const Compiled&, const SurfacesOptions&);
     ObjExport (*of_level)(const kiln_level*); // null: a level has no such thing
 };
 std::span<const ObjStage> obj_stages();

@@ -133,7 +133,7 @@ GltfScene scene_of(const Content& c, const GltfOptions& options) {
     GltfScene s;
     s.generator = kVersion;
     Rgb sky;
-    bool any_sky = false;
+    Json skies = Json::array();
     std::map<std::pair<std::uint32_t, bool>, std::uint32_t> material_of;
     const auto material = [&](std::uint32_t m, bool two_sided) {
         const auto [it, fresh] = material_of.emplace(std::pair(m, two_sided), static_cast<std::uint32_t>(s.materials.size()));
@@ -206,7 +206,7 @@ GltfScene scene_of(const Content& c, const GltfOptions& options) {
         const std::string name = fmt::format("light_{}", i);
         const auto light = punctual(l, name, options.metres_per_unit);
         if (!light) {
-            sky += l.intensity, any_sky = true; // uniform domes add up
+            sky += l.intensity, skies.push_back(light_extras(l)["light"]); // uniform domes add up
             continue;
         }
         GltfNode node;
@@ -220,7 +220,7 @@ GltfScene scene_of(const Content& c, const GltfOptions& options) {
     }
     Json kiln = {{"version", 1}, {"units_per_metre", 1 / options.metres_per_unit}};
     if (!c.lightmaps.empty()) kiln["lightmaps"] = c.lightmaps;
-    if (any_sky) kiln["sky"] = {sky.x, sky.y, sky.z};
+    if (!skies.empty()) kiln["sky"] = {sky.x, sky.y, sky.z}, kiln["sky_lights"] = skies;
     s.nodes[0].extras = text_of({{"kiln", kiln}});
     return s;
 }

@@ -1,3 +1,4 @@
+#include "compiler/surfaces/curves.h"
 #include "formats/level/kiln_level.hpp"
 #include "tools/kiln/export.h"
 #include <fmt/format.h>
@@ -14,9 +15,10 @@ public:
     }
     ObjExport out;
 
-    ObjExport brushes() {
+    ObjExport brushes(double curve_flatness) {
         for (std::size_t b = 0; b < c.csg.brushes.size(); ++b)
             for (std::size_t f = 0; f < c.csg.brushes[b].faces.size(); ++f) add(c.csg.brushes[b].sides[f], points(c.csg.planes, c.csg.brushes[b].faces[f]));
+        add_patches(curve_flatness);
         return std::move(out);
     }
     ObjExport fragments() {
@@ -108,6 +110,22 @@ private:
         out.polygons.push_back({object(entity_of(side)), fmt::format("brush_{} side_{}{}", at.brush, at.side, more), c.world.materials[c.world.sides[side.at()].material.at()].name,
                                 std::move(polygon), {}, {}});
     }
+    void add_patches(double flatness) { // divided as its faces will be
+        CurveGrids curves;
+        Context unheard; // a build says what there is to say of them
+        kiln::add_patches(c.world, flatness, curves, unheard);
+        for (const CurveGrid& g : curves.grids) {
+            const WorldPatch& patch = c.world.patches[g.source];
+            for (std::uint32_t row = 0; row + 1 < g.rows; ++row)
+                for (std::uint32_t column = 0; column + 1 < g.columns; ++column) {
+                    ObjPolygon p;
+                    p.object = object(patch.entity), p.group = fmt::format("patch_{}", c.world.location(patch).brush), p.material = c.world.materials[g.material.at()].name;
+                    for (const std::uint32_t k : {g.at(row, column), g.at(row, column + 1), g.at(row + 1, column + 1), g.at(row + 1, column)})
+                        p.points.push_back(curves.positions[g.vertices[k]]), p.uv.push_back({g.uv[k].x, -g.uv[k].y});
+                    out.polygons.push_back(std::move(p));
+                }
+        }
+    }
     template <class Fill> void each_triangle(Fill&& fill) {
         const Surfaces& s = c.surfaces;
         for (std::size_t t = 0; t < s.triangles.size(); ++t) {
@@ -187,15 +205,15 @@ private:
 };
 
 constexpr ObjStage kStages[] = {
-    {"brushes", Stage::csg, [](const Compiled& c) { return OfMap(c).brushes(); }, nullptr},
-    {"fragments", Stage::csg, [](const Compiled& c) { return OfMap(c).fragments(); }, nullptr},
-    {"leaves", Stage::bsp, [](const Compiled& c) { return OfMap(c).leaves(); }, nullptr},
-    {"portals", Stage::bsp, [](const Compiled& c) { return OfMap(c).portals(); }, [](const kiln_level* l) { return OfLevel(l).portals(); }},
-    {"visible", Stage::bsp, [](const Compiled& c) { return OfMap(c).visible(); }, nullptr},
-    {"gaps", Stage::bsp, [](const Compiled& c) { return OfMap(c).gaps(); }, nullptr},
-    {"overlays", Stage::surfaces, [](const Compiled& c) { return OfMap(c).overlays(); }, [](const kiln_level* l) { return OfLevel(l).overlays(); }},
-    {"faces", Stage::surfaces, [](const Compiled& c) { return OfMap(c).faces(); }, [](const kiln_level* l) { return OfLevel(l).faces(); }},
-    {"charts", Stage::surfaces, [](const Compiled& c) { return OfMap(c).charts(); }, [](const kiln_level* l) { return OfLevel(l).charts(); }},
+    {"brushes", Stage::csg, [](const Compiled& c, const SurfacesOptions& o) { return OfMap(c).brushes(o.curve_flatness); }, nullptr},
+    {"fragments", Stage::csg, [](const Compiled& c, const SurfacesOptions&) { return OfMap(c).fragments(); }, nullptr},
+    {"leaves", Stage::bsp, [](const Compiled& c, const SurfacesOptions&) { return OfMap(c).leaves(); }, nullptr},
+    {"portals", Stage::bsp, [](const Compiled& c, const SurfacesOptions&) { return OfMap(c).portals(); }, [](const kiln_level* l) { return OfLevel(l).portals(); }},
+    {"visible", Stage::bsp, [](const Compiled& c, const SurfacesOptions&) { return OfMap(c).visible(); }, nullptr},
+    {"gaps", Stage::bsp, [](const Compiled& c, const SurfacesOptions&) { return OfMap(c).gaps(); }, nullptr},
+    {"overlays", Stage::surfaces, [](const Compiled& c, const SurfacesOptions&) { return OfMap(c).overlays(); }, [](const kiln_level* l) { return OfLevel(l).overlays(); }},
+    {"faces", Stage::surfaces, [](const Compiled& c, const SurfacesOptions&) { return OfMap(c).faces(); }, [](const kiln_level* l) { return OfLevel(l).faces(); }},
+    {"charts", Stage::surfaces, [](const Compiled& c, const SurfacesOptions&) { return OfMap(c).charts(); }, [](const kiln_level* l) { return OfLevel(l).charts(); }},
 };
 
 } // namespace

@@ -1,8 +1,11 @@
 // Blocks of a pool: each its own, aligned, used again; what is given back is out of bounds where AddressSanitizer looks.
 #include "compiler/bsp/pool.h"
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <gtest/gtest.h>
 #include <random>
+#include <thread>
 
 namespace kiln::bsp {
 namespace {
@@ -52,6 +55,40 @@ TEST(Pool, ClearedMemoryIsUsedAgain) {
     pool.take<int>(400000);
     pool.clear();
     EXPECT_EQ(pool.take<int>(1000), first);
+}
+
+// A pool a thread, as cutters have them; what is made is read by the one that waited for it.
+TEST(Pool, ThreadsWithPoolsOfTheirOwnDoNotMeet) {
+    struct Work {
+        Pool pool;
+        std::vector<std::pair<std::uint64_t*, std::size_t>> made;
+        bool right = true;
+    };
+    std::array<Work, 4> works;
+    {
+        std::vector<std::jthread> threads;
+        for (std::uint64_t t = 0; t < works.size(); ++t)
+            threads.emplace_back([&work = works[t], t] {
+                std::mt19937 random(static_cast<unsigned>(t));
+                for (int step = 0; step < 5000; ++step) {
+                    const std::size_t count = 1 + random() % 300;
+                    auto* const at = work.pool.take<std::uint64_t>(count);
+                    std::fill(at, at + count, t);
+                    work.made.emplace_back(at, count);
+                    if (step % 3 == 0) continue;
+                    std::swap(work.made[random() % work.made.size()], work.made.back());
+                    const auto [gone, size] = work.made.back();
+                    work.right = work.right && std::all_of(gone, gone + size, [t](std::uint64_t x) { return x == t; });
+                    work.made.pop_back();
+                    work.pool.give(gone, size);
+                }
+            });
+    }
+    for (std::uint64_t t = 0; t < works.size(); ++t) {
+        EXPECT_TRUE(works[t].right);
+        EXPECT_GT(works[t].made.size(), 1000u);
+        for (const auto& [at, count] : works[t].made) EXPECT_TRUE(std::all_of(at, at + count, [t](std::uint64_t x) { return x == t; }));
+    }
 }
 
 #ifdef KILN_POOL_ASAN

@@ -3,7 +3,10 @@
 #include "formats/level/level_writer.h"
 #include "tests/formats/level/forge.h"
 #include "tests/formats/level/sample_level.h"
+#include <barrier>
 #include <functional>
+#include <random>
+#include <thread>
 
 namespace kiln {
 namespace {
@@ -129,6 +132,83 @@ const Mutation kMutations[] = {
     {"ModelOfNoEntity", "level-entities", [](LevelContent& c) { c.model_count = 2; }},
 };
 INSTANTIATE_TEST_SUITE_P(OneAtATime, LevelMutations, ::testing::ValuesIn(kMutations), [](const auto& test) { return std::string(test.param.name); });
+
+// All ways to trace, by several threads at a time from the first use of the level on, say what one alone says.
+TEST(VerifyLevel, TracesOfSeveralThreadsAreThoseOfOne) {
+    LevelContent c = room();
+    c.model_count = 2;
+    level::test::add_brush(c), level::test::add_brush(c, 1, 1); // 32 wide, with a bevel; a model of the same shape
+    level::Displacement d;
+    d.base = {level::Double3{-64, -64, 0}, {64, -64, 0}, {64, 64, 0}, {-64, 64, 0}};
+    for (int i = 0; i < 25; ++i)
+        d.positions.push_back({32.f * static_cast<float>(i % 5) - 64, 32.f * static_cast<float>(i / 5) - 64, i % 2 ? 40.f : 24.f}), d.alphas.push_back(0);
+    d.triangle_tags.assign(32, 9);
+    level::CurvedPatch p;
+    p.columns = p.rows = 3;
+    for (int i = 0; i < 9; ++i) p.positions.push_back({32.f * static_cast<float>(i % 3), 32.f * static_cast<float>(i / 3), i == 4 ? -40.f : -64.f}), p.uv.push_back({0, 0});
+    c.displacements = {d}, c.patches = {p};
+    const std::vector<std::uint8_t> bytes = level::write_level(c);
+
+    struct Answer {
+        std::vector<double> numbers;
+        bool operator==(const Answer&) const = default;
+    };
+    constexpr int rounds = 400;
+    const auto trace_all = [](const kiln_level* l, int first) { // all questions, from the `first` on around
+        std::vector<Answer> answers(rounds);
+        for (int k = 0; k < rounds; ++k) {
+            const int i = (first + k) % rounds;
+            std::mt19937_64 random(static_cast<unsigned>(i));
+            const auto number = [&](double most) { return most * (static_cast<double>(random() >> 11) / 4503599627370496.0 - 1); };
+            const double size = i % 3 == 0 ? 0 : 1 + i % 7, mins[3] = {-size, -size, -size}, maxs[3] = {size, size, size};
+            const double start[3] = {number(120), number(120), number(120)}, end[3] = {number(120), number(120), number(120)}, origin[3] = {number(40), number(40), 0};
+            kiln_pose pose{{0, 0, 0}, {number(40), 0, 0}, {}};
+            const double angles[3] = {number(90), number(180), 0};
+            kiln_turn_from_angles(angles, pose.turn);
+            kiln_trace t[3] = {};
+            const kiln_status told[3] = {kiln_trace_box(l, start, end, mins, maxs, KILN_MASK_PLAYERS, &t[0]), kiln_trace_model(l, 1, origin, start, end, mins, maxs, KILN_MASK_PLAYERS, &t[1]),
+                                         kiln_trace_posed_model(l, 1, &pose, start, end, mins, maxs, KILN_MASK_PLAYERS, &t[2])};
+            std::vector<double>& n = answers[static_cast<std::size_t>(i)].numbers;
+            for (int way = 0; way < 3; ++way) {
+                const kiln_trace& x = t[way];
+                n.insert(n.end(), {static_cast<double>(told[way]), x.fraction, x.end[0], x.end[1], x.end[2], x.normal[0], x.normal[1], x.normal[2], x.distance});
+                for (const std::uint32_t v : {x.contents, x.brush, x.side, x.start_solid, x.all_solid, x.displacement, x.patch, x.triangle, x.tag}) n.push_back(v);
+            }
+            std::uint32_t contents = 0;
+            n.push_back(kiln_point_contents(l, start, &contents)), n.push_back(contents);
+        }
+        return answers;
+    };
+    const auto open = [&] {
+        kiln_level* l = nullptr;
+        EXPECT_EQ(kiln_level_open_memory(bytes.data(), bytes.size(), &l), KILN_OK);
+        return std::unique_ptr<kiln_level, decltype(&kiln_level_close)>(l, kiln_level_close);
+    };
+    const auto alone = open();
+    const std::vector<Answer> expected = trace_all(alone.get(), 0);
+    std::size_t brushes = 0, sheets = 0, curves = 0, models = 0, free = 0;
+    for (const Answer& a : expected) {
+        for (const int way : {0, 18, 36}) ASSERT_EQ(a.numbers[static_cast<std::size_t>(way)], KILN_OK);
+        brushes += a.numbers[10] != KILN_NO_INDEX, sheets += a.numbers[14] != KILN_NO_INDEX, curves += a.numbers[15] != KILN_NO_INDEX, models += a.numbers[36 + 10] != KILN_NO_INDEX;
+        free += a.numbers[1] == 1;
+    }
+    for (const std::size_t met : {brushes, sheets, curves, models, free}) EXPECT_GT(met, 10u); // each kind of thing is met
+    for (int round = 0; round < 3; ++round) {
+        const auto shared = open(); // what is decoded at first use is decoded under them
+        constexpr int count = 4;
+        std::array<std::vector<Answer>, count> found;
+        std::barrier together(count);
+        {
+            std::vector<std::jthread> threads;
+            for (int t = 0; t < count; ++t)
+                threads.emplace_back([&, t] {
+                    together.arrive_and_wait();
+                    found[static_cast<std::size_t>(t)] = trace_all(shared.get(), t * rounds / count);
+                });
+        }
+        for (const auto& f : found) EXPECT_TRUE(f == expected);
+    }
+}
 
 TEST(VerifyLevel, NegativeIrradianceIsSeen) { // which halfs can hold
     LevelContent c = room();

@@ -251,6 +251,10 @@ TEST(World, ADisplacedBrushFillsNothing) {
     spoilt([](DocDisplacement& g) { g.triangle_tags.assign(31, 0); });
     spoilt([](DocDisplacement& g) { g.normals[3].y = NAN; });
     spoilt([](DocDisplacement& g) { g.elevation = 1e9; });
+    // Each number may stand, together they lead out of the world.
+    spoilt([](DocDisplacement& g) { g.distances.assign(25, 0.0), g.distances[24] = 1000, g.normals[24] = {0, 0, 132}; });
+    spoilt([](DocDisplacement& g) { g.offsets.assign(25, Vec3{}), g.offsets[7] = {0, 100000, 100000}; });
+    spoilt([](DocDisplacement& g) { g.elevation = -131072, g.offsets.assign(25, Vec3{1, 0, 0}); });
     EXPECT_EQ(first(c, "displacement-invalid")->where.side, 1);
     EXPECT_EQ(first(c, "displacement-invalid")->where.brush, 2);
 }

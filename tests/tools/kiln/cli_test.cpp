@@ -95,6 +95,24 @@ TEST(Cli, CoordinatesThatAreNoNumbersOrOutOfRangeAreNamed) {
     }
 }
 
+// Numbers that can each be used and lead out of the world together: the place is told, the rest is built.
+TEST(Cli, ADisplacementThatLeavesTheWorldIsNamed) {
+    const Workplace w;
+    std::string text = text_of(std::string(KILN_SOURCE_DIR) + "/maps/terrain/terrain.vmf");
+    const auto change = [&](const char* after, const std::string& from, const std::string& to) {
+        const std::size_t at = text.find(from, text.find(after));
+        ASSERT_NE(at, std::string::npos);
+        text.replace(at, from.size(), to);
+    };
+    change("normals", "\"row0\" \"0 0 1", "\"row0\" \"0 0 130000");
+    const std::size_t row = text.find("\"row0\" \"", text.find("distances")) + 8;
+    text.replace(row, text.find(' ', row) - row, "100000");
+    const Outcome o = build(w, w.write("far.vmf", text), {"-q"});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(std::regex_search(o.said, std::regex("far\\.vmf:\\d+: error: .*vertex 0 in row 0 is moved by 1\\.3e\\+10 map units.*\\[displacement-invalid\\]"))) << o.said;
+    EXPECT_EQ(w.run({"verify", w.path("out.kiln"), "-q"}).code, 0);
+}
+
 TEST(Cli, ZeroTextureScaleIsAWarning) {
     const Workplace w;
     std::string brushes = room(128, 96, 80);
@@ -164,6 +182,11 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     EXPECT_EQ(dumped[1]["leak"], 2);
     EXPECT_EQ(dumped[1]["area"], 128 * 96);
     EXPECT_GT(dumped[1]["near"].size(), 3u);
+    EXPECT_EQ(dumped[1]["near_at"].size(), dumped[1]["near"].size());
+    EXPECT_TRUE(std::regex_match(dumped[1]["near_at"][0].get<std::string>(), std::regex("leak\\.map:\\d+"))) << dumped[1];
+    EXPECT_EQ(dumped[1]["file"], nullptr); // the map itself
+    EXPECT_EQ(dumped[1]["in_void"], false);
+    EXPECT_LE(dumped[0]["length"].get<double>(), dumped[1]["length"].get<double>());
     w.write("out.leak2.txt", "of somebody else");
     w.write("outer.leak2.pts", "of another map");
     w.write("out.leak7.map", world("")), w.write("out.leak7.pts", "of the map of that name");
@@ -171,6 +194,13 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     o = build(w, w.write("leak.map", world(room_at(0, true) + room_at(500, true)) + things));
     EXPECT_EQ(o.code, 0) << o.said;
     EXPECT_TRUE(says(o, "[areaportal-leak]")) << o.said;
+    const auto around = nlohmann::json::parse(w.run({"dump", "leak", w.path("leak.map"), "--json", "-q"}).out);
+    ASSERT_EQ(around.size(), 1u); // sealed; the area portal that parts nothing is left
+    EXPECT_EQ(around[0]["area_portal"], 0);
+    EXPECT_EQ(around[0]["areas"][0], around[0]["areas"][1]);
+    EXPECT_EQ(around[0]["path"].front(), around[0]["from"]);
+    EXPECT_EQ(around[0]["path"].back(), around[0]["to"]);
+    EXPECT_GT(around[0]["length"].get<double>(), 4); // the portal is 4 thick
     EXPECT_FALSE(w.has("out.leak2.pts"));
     EXPECT_FALSE(w.has("out.leak2.lin"));
     EXPECT_TRUE(w.has("out.leak2.txt"));
@@ -195,6 +225,40 @@ TEST(Cli, ATrailThatCannotBeWrittenIsToldAndTheLeakStillDecides) {
     EXPECT_EQ(o.code, 4) << o.said;
     EXPECT_TRUE(says(o, "[leak]"));
     EXPECT_TRUE(says(o, "out.pts: error")) << o.said;
+}
+
+// Portals of a sealed world are no portals of one that leaks.
+TEST(Cli, APortalFileOfYesterdayGoes) {
+    const Workplace w;
+    const std::string two = room(256, 96, 80) + box(124, 0, 0, 132, 40, 80) + box(124, 56, 0, 132, 96, 80); // a doorway
+    const std::string start = entity("info_player_start", 32, 32, 24) + entity("light", 96, 64, 60);
+    const std::string sealed = world(two) + start, leaks = world(two.substr(two.find("}\n") + 2)) + start, single = lit_room();
+    w.write("out2.prt", "of another map"), w.write("out.prt.bak", "of somebody else");
+    const std::string map = w.write("m.map", sealed);
+    ASSERT_EQ(build(w, map).code, 0);
+    ASSERT_TRUE(w.has("out.prt"));
+    const std::string portals = text_of(w.path("out.prt"));
+    EXPECT_EQ(build(w, map, {"--leak-test"}).code, 0); // does not take away what still holds
+    EXPECT_EQ(text_of(w.path("out.prt")), portals);
+    w.write("m.map", sealed.substr(0, sealed.size() / 2));
+    EXPECT_EQ(build(w, map).code, 3); // nothing is known of what holds
+    EXPECT_EQ(text_of(w.path("out.prt")), portals);
+    w.write("m.map", leaks);
+    EXPECT_EQ(build(w, map, {"--leak-test"}).code, 4);
+    EXPECT_FALSE(w.has("out.prt"));
+    EXPECT_EQ(build(w, map, {"--allow-leaks"}).code, 0); // a level of its own, with portals of its own
+    EXPECT_TRUE(w.has("out.prt"));
+    EXPECT_EQ(build(w, map).code, 4);
+    EXPECT_FALSE(w.has("out.prt"));
+    w.write("out.prt", portals), w.write("m.map", single); // one cluster: no portals
+    EXPECT_EQ(build(w, map).code, 0);
+    EXPECT_FALSE(w.has("out.prt"));
+    std::filesystem::create_directory(w.path("out.prt")); // no file: left alone
+    w.write("m.map", leaks);
+    EXPECT_EQ(build(w, map).code, 4);
+    EXPECT_TRUE(w.has("out.prt"));
+    EXPECT_EQ(text_of(w.path("out2.prt")), "of another map");
+    EXPECT_EQ(text_of(w.path("out.prt.bak")), "of somebody else");
 }
 
 TEST(Cli, MissingOrBrokenMaterialFiles) {

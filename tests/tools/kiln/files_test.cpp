@@ -114,6 +114,15 @@ TEST(Files, AnInstanceInTheLevelBringsItsOverlay) {
     EXPECT_EQ(faces.code, 0) << faces.said;
     EXPECT_NE(faces.out.find("floor.vmf"), std::string::npos) << faces.out;
     EXPECT_EQ(faces.out.find(w.path("floor.vmf")), std::string::npos) << faces.out;
+    // So do the rows of the map, of whatever has a line: those of the instance name it, those of the map name nothing.
+    for (const char* artefact : {"document", "world", "brushes", "sides", "fragments", "visible", "faces", "triangles", "overlays"}) {
+        const Outcome rows = w.run({"dump", artefact, map, "-q"});
+        EXPECT_EQ(rows.code, 0) << rows.said;
+        EXPECT_NE(rows.out.find("file \"floor.vmf\""), std::string::npos) << artefact << "\n" << rows.out;
+        EXPECT_EQ(rows.out.find(w.path("floor.vmf") + "\""), std::string::npos) << artefact;
+        EXPECT_EQ(rows.out.find("file null") == std::string::npos, artefact == std::string("overlays")) << artefact; // the one overlay is of the instance
+    }
+    EXPECT_EQ(brushes(w.run({"dump", "brushes", map, "-q", "--filter", "file=floor.vmf"})), 1u);
 }
 
 namespace {

@@ -1,4 +1,3 @@
-#include <set>
 // verify, export, dump and info as a user runs them: on maps and on levels.
 #include "formats/level/kiln_level.h"
 #include "libs/image/image.h"
@@ -7,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <regex>
+#include <set>
 
 using namespace kiln;
 using namespace kiln::test;
@@ -25,6 +25,22 @@ Bytes bytes_of(const std::string& path) {
 std::string furnished() {
     return world(room(128, 96, 80) + box(20, 20, 0, 40, 40, 16, "glow")) + "{\n\"classname\" \"func_door\"\n\"targetname\" \"gate\"\n" + box(60, 40, 8, 64, 56, 60, "door") + "}\n" +
            entity("info_player_start", 100, 70, 24) + entity("light", 96, 64, 60, "\"light\" \"200\"\n");
+}
+// Two rooms with a door that parts them; what a level may hold in either: water, an occluder, a decal, a curve, a wedge.
+std::string crowded() {
+    std::string curve = "{\npatchDef2\n{\ncurve\n( 3 3 0 0 0 )\n(\n"; // flat but for its middle, 16 up
+    for (int x = 0; x < 3; ++x) {
+        curve += "( ";
+        for (int y = 0; y < 3; ++y)
+            curve += "( " + std::to_string(20 + 20 * x) + " " + std::to_string(20 + 20 * y) + (x == 1 && y == 1 ? " 56 " : " 40 ") + std::to_string(x * 0.5) + " " + std::to_string(y * 0.5) + " ) ";
+        curve += ")\n";
+    }
+    curve += ")\n}\n}\n";
+    const std::string wedge = "{\n( 150 20 0 ) ( 150 21 0 ) ( 150 20 1 ) wall 0 0 0 1 1\n( 150 20 0 ) ( 150 20 1 ) ( 151 20 0 ) wall 0 0 0 1 1\n( 180 40 30 ) ( 181 40 30 ) ( 180 40 31 ) wall 0 0 0 1 1\n"
+                              "( 150 20 0 ) ( 151 20 0 ) ( 150 21 0 ) wall 0 0 0 1 1\n( 150 20 30 ) ( 150 21 30 ) ( 180 20 0 ) wall 0 0 0 1 1\n}\n";
+    return world(room(256, 96, 80) + box(124, 0, 0, 132, 40, 80) + box(124, 56, 0, 132, 96, 80) + box(124, 40, 48, 132, 56, 80) + box(200, 0, 0, 256, 96, 24, "*water0") + curve + wedge) +
+           "{\n\"classname\" \"func_areaportal\"\n" + box(126, 40, 0, 130, 56, 48) + "}\n{\n\"classname\" \"func_occluder\"\n" + box(60, 60, 20, 64, 90, 60) + "}\n" +
+           entity("info_player_start", 32, 32, 24) + entity("light", 96, 64, 60, "\"light\" \"200\"\n") + entity("infodecal", 64, 1, 40, "\"texture\" \"spot\"\n");
 }
 std::string materials() { return "{\"materials\":{\"glow\":{\"emission\":[2,1,0.5],\"reflectance\":[0.25,0.5,0.75]}}}"; }
 std::size_t lines(const std::string& text) { return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n')); }
@@ -247,10 +263,59 @@ TEST(Inspect, ObjOfEveryStage) {
         EXPECT_TRUE(std::string(stage) == "portals" || (faces > 5) == !none) << stage;
     }
     for (const char* stage : {"portals", "overlays", "faces", "charts"}) EXPECT_EQ(w.run({"export", w.path("room.kiln"), "--stage", stage, "-o", w.path("y.obj")}).code, 0) << stage;
+    // Curves are among what is drawn, in the middle as high as they will be; decals where they lie.
+    const std::string full = w.write("crowded.map", crowded());
+    for (const auto& [flatness, cells] : {std::pair{"0.5", 64u}, std::pair{"8", 4u}}) {
+        ASSERT_EQ(w.run({"export", full, "--stage", "brushes", "--curve-flatness", flatness, "-q", "-o", w.path("c.obj")}).code, 0);
+        std::istringstream drawn(text_of(w.path("c.obj")));
+        bool curve = false;
+        std::size_t quads = 0, middle = 0;
+        for (std::string line; std::getline(drawn, line);) {
+            if (line.starts_with("g ")) curve = line == "g patch_10";
+            quads += curve && line.starts_with("f ");
+            middle += line == "v 40 40 44";
+        }
+        EXPECT_EQ(quads, cells) << flatness;
+        EXPECT_GE(middle, 1u);
+    }
+    ASSERT_EQ(w.run({"export", full, "--stage", "overlays", "-q", "-o", w.path("c.obj")}).code, 0);
+    std::istringstream lie(text_of(w.path("c.obj")));
+    std::size_t corners = 0;
+    for (std::string line; std::getline(lie, line);)
+        if (line.starts_with("v ")) {
+            double x = 0, y = 1, z = 0;
+            ASSERT_EQ(std::sscanf(line.c_str(), "v %lf %lf %lf", &x, &y, &z), 3);
+            EXPECT_EQ(y, 0); // on the wall
+            ++corners;
+        }
+    EXPECT_GE(corners, 4u);
     Outcome o = w.run({"export", w.path("room.kiln"), "--stage", "brushes", "-o", w.path("y.obj")});
     EXPECT_EQ(o.code, 2) << o.said;
     EXPECT_EQ(w.run({"export", map, "-o", w.path("x.fbx")}).code, 2);
     EXPECT_EQ(w.run({"export", map, "-o", w.path("no/folder/x.obj"), "-q"}).code, 8);
+}
+
+// Of Quake's own sky and Source's in one map both are kept, and stand together.
+TEST(Inspect, GltfKeepsEverySky) {
+    const Workplace w;
+    const std::string text = furnished() + entity("light_environment", 64, 48, 70, "\"_light\" \"255 255 255 100\"\n\"_ambient\" \"255 255 255 50\"\n");
+    const auto sky_of = [&](const std::string& map) {
+        const Outcome o = w.run({"export", w.write("sky.map", map), "-q", "-o", w.path("sky.glb")});
+        EXPECT_EQ(o.code, 0) << o.said;
+        return read_glb(bytes_of(w.path("sky.glb"))).json["nodes"][0]["extras"]["kiln"];
+    };
+    const auto one = sky_of(text);
+    ASSERT_EQ(one["sky_lights"].size(), 1u);
+    EXPECT_EQ(one["sky"], one["sky_lights"][0]["intensity"]);
+    std::string with_both = text;
+    with_both.replace(with_both.find("\"worldspawn\"\n"), 13, "\"worldspawn\"\n\"_sunlight2\" \"100\"\n");
+    const auto both = sky_of(with_both);
+    ASSERT_EQ(both["sky_lights"].size(), 2u);
+    for (std::size_t c = 0; c < 3; ++c) {
+        EXPECT_NEAR(both["sky"][c].get<double>(), one["sky"][c].get<double>() + 100 / 255.0 / 3.14159265358979, 1e-5);
+        EXPECT_NEAR(both["sky"][c].get<double>(), both["sky_lights"][0]["intensity"][c].get<double>() + both["sky_lights"][1]["intensity"][c].get<double>(), 1e-6);
+    }
+    EXPECT_FALSE(sky_of(furnished()).contains("sky"));
 }
 
 // All that --help lists can be dumped, twice alike.
@@ -278,6 +343,93 @@ TEST(Inspect, EveryArtefactDumpsTheSameTwice) {
     EXPECT_EQ(w.run({"dump", "pages", map}).code, 2); // of a level only
     EXPECT_EQ(w.run({"dump", "fragments", w.path("room.kiln")}).code, 2);
     EXPECT_EQ(w.run({"dump", "no-such-thing", map}).code, 2);
+}
+
+TEST(Inspect, DumpsOfALevelShowAllThatItHolds) {
+    const Workplace w;
+    const std::string map = w.write("m.map", crowded());
+    const Outcome built = w.run({"build", map, "--draft", "-q", "-o", w.path("m.kiln")});
+    ASSERT_EQ(built.code, 0) << built.said;
+    const auto rows = [&](const char* artefact, const char* level = "m.kiln") {
+        const Outcome o = w.run({"dump", artefact, w.path(level), "--json", "-q"});
+        EXPECT_EQ(o.code, 0) << o.said;
+        return nlohmann::json::parse(o.out);
+    };
+    using J = nlohmann::json;
+    J j = rows("bevels"); // the wedge alone is no box: without them a box would stop before its sharp edges
+    ASSERT_EQ(j.size(), 2u) << j;
+    EXPECT_EQ(j[0]["normal"], (J{1.0, 0.0, 0.0}));
+    EXPECT_EQ(j[0]["distance"], 180.0);
+    EXPECT_EQ(j[1]["normal"], (J{0.0, 0.0, 1.0}));
+    EXPECT_EQ(j[1]["distance"], 30.0);
+    j = rows("areas");
+    std::map<int, J> areas;
+    for (const J& a : j) areas[a["area"]] = a["area_portals_to"];
+    EXPECT_EQ(areas[1], (J::array({{{"area", 2}, {"area_portal", 0}}})));
+    EXPECT_EQ(areas[2], (J::array({{{"area", 1}, {"area_portal", 0}}})));
+    j = rows("area_portals");
+    ASSERT_EQ(j.size(), 1u);
+    EXPECT_EQ(j[0]["areas"], (J{1, 2}));
+    EXPECT_EQ(j[0]["winding"].size(), 4u);
+    for (const J& p : j[0]["winding"]) EXPECT_EQ(p[0], 128.0); // midway in the door
+    EXPECT_EQ(j[0]["entity"], 1);
+    EXPECT_EQ(j[0]["brush"], 0); // of that entity, as the map has it
+    EXPECT_GT(j[0]["line"], 10);
+    j = rows("waters");
+    ASSERT_EQ(j.size(), 1u);
+    EXPECT_EQ(j[0]["contents"], "water");
+    EXPECT_EQ(j[0]["surface_z"], 24.0);
+    EXPECT_EQ(j[0]["min_z"], 0.0);
+    EXPECT_EQ(j[0]["material"], "*water0");
+    EXPECT_GE(j[0]["leaves"], 1);
+    j = rows("occluders");
+    ASSERT_EQ(j.size(), 1u);
+    EXPECT_EQ(j[0]["entity"], 2);
+    EXPECT_EQ(j[0]["polygons"].size(), 6u);
+    j = rows("overlays");
+    ASSERT_EQ(j.size(), 1u);
+    EXPECT_EQ(j[0]["kind"], "decal");
+    EXPECT_EQ(j[0]["material"], "spot");
+    EXPECT_EQ(j[0]["entity"], 5);
+    const std::size_t faces = rows("faces").size();
+    ASSERT_FALSE(j[0]["fragments"].empty());
+    for (const J& f : j[0]["fragments"]) {
+        EXPECT_LT(f["face"], faces);
+        for (const J& p : f["points"]) EXPECT_EQ(p["position"][1], 0.0); // on the wall
+    }
+    j = rows("patch_grids");
+    ASSERT_EQ(j.size(), 1u);
+    EXPECT_EQ(j[0]["material"], "curve");
+    EXPECT_EQ(j[0]["entity"], 0);
+    const std::size_t columns = j[0]["columns"], grid_rows = j[0]["rows"];
+    ASSERT_EQ(j[0]["vertices"].size(), columns * grid_rows);
+    EXPECT_EQ(j[0]["vertices"][0], (J{20.0, 20.0, 40.0, 0.0, 0.0}));
+    EXPECT_EQ(j[0]["vertices"].back(), (J{60.0, 60.0, 40.0, 1.0, 1.0}));
+    EXPECT_EQ(j[0]["vertices"][columns * grid_rows / 2], (J{40.0, 40.0, 44.0, 0.5, 0.5})); // a quarter of 16 up
+    // A VMF with displacements and an overlay on the floor; stripped, nothing says where it comes from.
+    std::string terrain = text_of(std::string(KILN_SOURCE_DIR) + "/maps/terrain/terrain.vmf");
+    terrain += "entity\n{\n\"id\" \"900\"\n\"classname\" \"info_overlay\"\n\"material\" \"crack\"\n\"sides\" \"2\"\n\"BasisOrigin\" \"8 8 0\"\n\"BasisU\" \"1 0 0\"\n\"BasisV\" \"0 1 0\"\n"
+               "\"BasisNormal\" \"0 0 1\"\n\"uv0\" \"-16 -8 0\"\n\"uv1\" \"-16 8 0\"\n\"uv2\" \"16 8 0\"\n\"uv3\" \"16 -8 0\"\n}\n";
+    const std::string vmf = w.write("t.vmf", terrain);
+    ASSERT_EQ(w.run({"build", vmf, "--draft", "-q", "-o", w.path("t.kiln")}).code, 0);
+    ASSERT_EQ(w.run({"build", vmf, "--draft", "-q", "--strip", "-o", w.path("s.kiln")}).code, 0);
+    j = rows("overlays", "t.kiln");
+    ASSERT_EQ(j.size(), 1u);
+    EXPECT_EQ(j[0]["kind"], "overlay");
+    EXPECT_EQ(j[0]["entity"], 900); // its id in the map
+    j = rows("displacements", "t.kiln");
+    ASSERT_EQ(j.size(), 5u);
+    const int powers[] = {4, 2, 3, 3, 2};
+    for (std::size_t i = 0; i < 5; ++i) {
+        EXPECT_EQ(j[i]["power"], powers[i]);
+        const std::size_t side = (std::size_t{1} << powers[i]) + 1;
+        EXPECT_EQ(j[i]["vertices"].size(), side * side);
+        EXPECT_GT(j[i]["line"], 0);
+        EXPECT_GT(j[i]["side"], 0);
+    }
+    j = rows("displacements", "s.kiln");
+    ASSERT_EQ(j.size(), 5u);
+    EXPECT_EQ(j[0]["side"], -1);
 }
 
 // An unrelated brush shifts every number; --for-diff shows that it changed nothing but what it is.
