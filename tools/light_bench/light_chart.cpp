@@ -1,4 +1,5 @@
 #include "tools/light_bench/light_chart.h"
+#include "tools/light_bench/sweep.h"
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
@@ -51,8 +52,11 @@ std::vector<double> ticks(double lo, double hi) { // 1, 2, 5 in every decade; on
 std::string count(double x) { return x >= 1e9 ? fmt::format("{:.1f} G", x * 1e-9) : x >= 1e7 ? fmt::format("{:.0f} M", x * 1e-6) : fmt::format("{:.2g} M", x * 1e-6); }
 std::string range(double lo, double hi, const std::string& a, const std::string& b) { return lo == hi || a == b ? a : a + " to " + b; }
 
-std::vector<std::string> methods_of(std::span<const Measurement> all) { // in order of appearance
+// Those measured, in a fixed order.
+std::vector<std::string> methods_of(std::span<const Measurement> all) {
     std::vector<std::string> names;
+    for (const std::string& name : method_names())
+        if (std::ranges::find(all, name, &Measurement::method) != all.end()) names.push_back(name);
     for (const Measurement& m : all)
         if (std::ranges::find(names, m.method) == names.end()) names.push_back(m.method);
     return names;
@@ -71,7 +75,7 @@ std::string light_csv(std::span<const Measurement> measurements) {
             out += fmt::format("{},{},{},,,,,,{},,,,,,,,,,,,,,{}\n", m.scene, m.method, m.setting, m.luxels, why);
             continue;
         }
-        out += fmt::format("{},{},{},{:.4g},{:.4g},{:.4g},{:.0f},{:.1f},{},{},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f},{:+.3f},{:.3f},", m.scene, m.method, m.setting, m.cpu_s, m.calibration, m.cost(),
+        out += fmt::format("{},{},{},{:.4g},{:.4g},{:.4g},{:.0f},{:.1f},{},{},{:.4g},{:.3f},{:.4g},{:.4g},{:.4g},{:.4g},{:+.4g},{:.4g},", m.scene, m.method, m.setting, m.cpu_s, m.calibration, m.cost(),
                            m.rays, m.peak_mb, m.luxels, m.lit, e.worst, e.worst_noise, e.rrmse[0], e.rrmse[1], e.rrmse[2], e.rrmse[3], e.bias[0], e.p95);
         out += m.estimate > 0 ? fmt::format("{:.3f},{:.3f},{:.3f}", m.estimate, m.low, m.high) : ",,";
         out += fmt::format(",{},\n", e.at_noise() ? 1 : 0);
@@ -117,28 +121,29 @@ std::string light_svg(const std::string& scene, std::span<const Measurement> all
     put("<text x='{:.1f}' y='{:.1f}' text-anchor='middle'>CPU seconds for all luxels</text>\n", kLeft + w / 2, kTop + h + 38);
     put("<text transform='translate({:.1f} {:.1f}) rotate(-90)' text-anchor='middle'>rRMSE of irradiance, worst direction</text>\n", kLeft - 48, kTop + h / 2);
 
-    const std::vector<std::string> methods = methods_of(all); // colours are the same in all pictures
+    const std::vector<std::string> methods = methods_of(all), known = method_names();
+    // A method looks the same in every picture, whatever stands beside it.
+    const auto look = [&](std::size_t k) { return static_cast<std::size_t>(std::ranges::find(known, methods[k]) - known.begin()); };
     double legend = kTop + 8;
     const double column = kLeft + w + 22;
-    std::string over; // the bake on top
     for (std::size_t k = methods.size(); k-- > 0;) {
         std::vector<const Measurement*> line;
         for (const Measurement& m : shown)
             if (m.method == methods[k]) line.push_back(&m);
-        const char* colour = kColours[k % std::size(kColours)];
+        const char* colour = kColours[look(k) % std::size(kColours)];
         std::string path;
         for (const Measurement* m : line) path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", at_x(m->cpu_s), at_y(clamped(m->errors.worst)));
-        if (line.size() > 1) put("<path d='{}' stroke='{}' stroke-width='{}' stroke-opacity='0.8' fill='none'/>\n", path, colour, k ? "1.1" : "2");
+        if (line.size() > 1) put("<path d='{}' stroke='{}' stroke-width='{}' stroke-opacity='0.8' fill='none'/>\n", path, colour, look(k) ? "1.1" : "2");
         for (const Measurement* m : line) {
             const double x = at_x(m->cpu_s), y = at_y(clamped(m->errors.worst));
             if (m->estimate > 0) {
                 const double e = at_y(clamped(m->estimate));
                 put("<path d='M{0:.1f} {1:.1f}V{2:.1f}' stroke='{3}' stroke-width='0.8'/>", x, y, e, colour);
-                svg += mark(k, x, e, colour, true, 1) + fmt::format("><title>own estimate {:.2f} %</title>{}\n", m->estimate, k % 7 == 0 ? "</circle>" : k % 7 == 1 ? "</rect>" : "</path>");
+                svg += mark(look(k), x, e, colour, true, 1) + fmt::format("><title>own estimate {:.2f} %</title>{}\n", m->estimate, look(k) % 7 == 0 ? "</circle>" : look(k) % 7 == 1 ? "</rect>" : "</path>");
             }
-            svg += mark(k, x, y, colour, false, m->errors.at_noise() ? 0.35 : 1);
-            svg += fmt::format("><title>{} {}: {:.3g} CPU s, {:.2f} %, {} rays, {:.0f} MB</title>{}\n", escaped(m->method), escaped(m->setting), m->cpu_s, m->errors.worst, count(m->rays), m->peak_mb,
-                               k % 7 == 0 ? "</circle>" : k % 7 == 1 ? "</rect>" : "</path>");
+            svg += mark(look(k), x, y, colour, false, m->errors.at_noise() ? 0.35 : 1);
+            svg += fmt::format("><title>{} {}: {:.3g} CPU s, {:.3g} %, {} rays, {:.0f} MB</title>{}\n", escaped(m->method), escaped(m->setting), m->cpu_s, m->errors.worst, count(m->rays), m->peak_mb,
+                               look(k) % 7 == 0 ? "</circle>" : look(k) % 7 == 1 ? "</rect>" : "</path>");
         }
     }
     for (std::size_t k = 0; k < methods.size(); ++k) {
@@ -146,8 +151,8 @@ std::string light_svg(const std::string& scene, std::span<const Measurement> all
         std::size_t points = 0;
         for (const Measurement& m : shown)
             if (m.method == methods[k]) rays_lo = std::min(rays_lo, m.rays), rays_hi = std::max(rays_hi, m.rays), mb_lo = std::min(mb_lo, m.peak_mb), mb_hi = std::max(mb_hi, m.peak_mb), ++points;
-        svg += mark(k, column, legend - 4, kColours[k % std::size(kColours)], false, 1) + "/>";
-        put("<text x='{:.1f}' y='{:.1f}' font-weight='{}'>{}</text>\n", column + 14, legend, k ? "normal" : "bold", escaped(methods[k]));
+        svg += mark(look(k), column, legend - 4, kColours[look(k) % std::size(kColours)], false, 1) + "/>";
+        put("<text x='{:.1f}' y='{:.1f}' font-weight='{}'>{}</text>\n", column + 14, legend, look(k) ? "normal" : "bold", escaped(methods[k]));
         if (points)
             put("<text x='{:.1f}' y='{:.1f}' font-size='11' fill='#555'>{} rays, {} MB</text>\n", column + 14, legend + 15, range(rays_lo, rays_hi, count(rays_lo), count(rays_hi)),
                 range(mb_lo, mb_hi, fmt::format("{:.0f}", mb_lo), fmt::format("{:.0f}", mb_hi)));
@@ -178,7 +183,7 @@ std::string light_html(std::span<const std::string> scenes, std::span<const Meas
                 continue;
             }
             const Errors& e = m.errors;
-            out += fmt::format("<tr><td>{}<td>{}<td>{:.3g}<td>{}{:.2f}<td>{:.2f}<td>{:.2f}<td>{:.2f}<td>{:.2f}<td>{:+.2f}<td>{}<td>{}<td>{:.0f}</tr>\n", escaped(m.method), escaped(m.setting), m.cpu_s,
+            out += fmt::format("<tr><td>{}<td>{}<td>{:.3g}<td>{}{:.3g}<td>{:.3g}<td>{:.3g}<td>{:.3g}<td>{:.3g}<td>{:+.2g}<td>{}<td>{}<td>{:.0f}</tr>\n", escaped(m.method), escaped(m.setting), m.cpu_s,
                                e.at_noise() ? "~" : "", e.worst, e.rrmse[0], e.rrmse[1], e.rrmse[2], e.rrmse[3], e.bias[0], m.estimate > 0 ? fmt::format("{:.2f}", m.estimate) : "", count(m.rays), m.peak_mb);
         }
         out += "</table></details>\n";

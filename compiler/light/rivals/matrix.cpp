@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kNear = 0.04 * kPi;   // a pair is near where kNear r^2 < area: "five times"
+constexpr double kFacing = 0.01;       // map units: vrad's middles must stand so far in front of each other's planes
 constexpr double kLeastFactor = 1e-7 / kPi; // smaller ones are dropped
 
 // Edge angles by asin, which folds those beyond a right angle back; nothing is clipped.
@@ -106,6 +107,7 @@ private:
         if (dot(to, n) <= 0) return f;
         if (settings_.rule == MatrixRule::vrad) {
             const double cosine = dot(to, n);
+            if (cosine < kFacing || -dot(to, e.normal) < kFacing) return f;
             double flat = 0;
             if (is_near(x, e))
                 for (const Polygon& part : e.parts) flat += folded_contour(x, n, part);

@@ -6,7 +6,8 @@ namespace kiln::rivals {
 namespace {
 
 constexpr HemisphereMap kFirstMap{0.6}; // as the reference: tilted directions want light near the horizon too
-constexpr std::uint32_t kMostPoints = 16; // of a footprint; the choice of emitters is made once for each
+constexpr std::uint32_t kMostPoints = 16; // of a footprint
+constexpr std::uint32_t kPathsAPlace = 16; // at least: all light entities are asked once for each place
 
 class PathTracing final : public Method {
 public:
@@ -26,7 +27,7 @@ private:
         const PathTracer tracer{d, &rays};
         const std::uint64_t seed = seed_at(r.point, settings_.seed);
         const std::uint32_t paths = std::max(settings_.paths, 1u);
-        const std::uint32_t places = r.footprint.empty() ? 1 : std::min(kMostPoints, paths);
+        const std::uint32_t places = r.footprint.empty() ? 1 : std::clamp(paths / kPathsAPlace, 1u, kMostPoints);
         const Sobol where(mix(seed, std::uint64_t{40})), points(mix(seed, std::uint64_t{41}));
         const Frame frame = frame_around(r.normal);
         std::array<Vec3, kMostPoints> x;
