@@ -39,7 +39,12 @@ Hash places_key(const World& world) {
     w(world.file, world.included);
     for (const WorldSide& s : world.sides) w(s.line, s.id);
     for (const WorldDisplacement& d : world.displacements) w(d.grid.line);
-    for (const WorldPatch& p : world.patches) w(p.grid.line, p.grid.id, p.file);
+    for (const WorldPatch& p : world.patches) {
+        const WorldEntity& e = world.entities[p.entity.at()];
+        w(p.grid.line, p.grid.id, p.file, e.line, e.id);
+    }
+    for (const WorldEntity& e : world.entities)
+        if (equal_ignoring_case(e.get("classname"), "sky_camera")) w(e.line, e.id, e.file);
     for (const WorldBrush& b : world.brushes) {
         const WorldEntity& e = world.entities[b.entity.at()];
         w(b.line, b.id, b.file, e.line, e.id);
@@ -48,7 +53,7 @@ Hash places_key(const World& world) {
 }
 Hash entity_lines_key(const World& world) { // what the messages of stages that read entities show
     ByteWriter w;
-    for (const WorldEntity& e : world.entities) w(e.line, e.id);
+    for (const WorldEntity& e : world.entities) w(e.line, e.id, e.file);
     return hash_bytes(w.bytes);
 }
 Hash sky_key(const World& world) { // where 3D skies are, and where players start, which tells whether they are rooms of their own

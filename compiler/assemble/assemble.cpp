@@ -18,6 +18,7 @@ namespace {
 using namespace assemble_detail;
 
 constexpr std::size_t kDeepest = 64;           // files inside files
+constexpr std::size_t kMostSides = 4000000; // that instances bring; the largest levels have a twentieth of it
 constexpr std::size_t kMostInstances = 100000; // a few short files can name each other in numbers no memory holds
 
 bool is_class(const DocEntity& e, std::string_view name) { return equal_ignoring_case(e.get("classname"), name); }
@@ -68,7 +69,9 @@ private:
     std::vector<std::string> open_files_;                                   // those we are inside of
     std::string main_;
     std::size_t instances_ = 0;
-    int next_side_ = 1, next_node_ = 1, next_auto_ = 1;
+    std::size_t sides_ = 0; // that instances have brought
+    FreshIds next_side_, next_node_;
+    int next_auto_ = 1;
 
     const std::string& name_of(std::uint16_t file) const { return file == 0 ? main_ : included_[file - 1u]; }
     SourceLocation where(const DocEntity& e) const { return {name_of(e.file), e.line, e.id}; }
@@ -78,8 +81,12 @@ private:
         main_ = document.file;
         for (const DocEntity& e : document.entities) {
             for (const DocBrush& b : e.brushes)
-                for (const DocSide& s : b.sides) next_side_ = std::max(next_side_, std::min(s.id, INT32_MAX - 1) + 1);
-            next_node_ = std::max(next_node_, static_cast<int>(std::clamp(e.number("nodeid", 0), 0.0, 1e9)) + 1);
+                for (const DocSide& s : b.sides) next_side_.taken.push_back(s.id);
+            next_node_.taken.push_back(static_cast<int>(std::clamp(e.number("nodeid", 0), 0.0, 1e9)));
+        }
+        for (FreshIds* ids : {&next_side_, &next_node_}) {
+            std::ranges::sort(ids->taken);
+            if (!ids->taken.empty()) ids->next = std::max(ids->next, std::min(ids->taken.back(), INT32_MAX - 1) + 1);
         }
     }
 
@@ -121,8 +128,13 @@ private:
         if (found == found_.end()) {
             Result<TextFile> file = open_ ? open_(wanted, from) : Result<TextFile>(fault(Exit::input, "cannot-read", "no other files can be opened here"));
             if (file && !read_.contains(file->name)) {
-                Result<Document> document = read_document(*file, context_);
-                if (!document) context_.report(document.fault().diagnostic);
+                Result<Document> document = is_manifest(file->bytes) ? Result<Document>(fault(Exit::input, "instance-unreadable", "manifests (.vmm) hold maps and no other manifests", {file->name, 1}))
+                                                                    : read_document(*file, context_);
+                if (!document) { // the map around it is built all the same
+                    Diagnostic why = document.fault().diagnostic;
+                    why.severity = Severity::warning;
+                    context_.report(std::move(why));
+                }
                 read_[file->name] = document ? std::make_shared<const Document>(*std::move(document)) : nullptr;
             }
             found = found_.emplace(std::pair{wanted, from}, file ? Result<std::string>(file->name) : Result<std::string>(file.fault())).first;
@@ -153,6 +165,12 @@ private:
         if (open_files_.size() > kDeepest || ++instances_ > kMostInstances) {
             context_.report(Severity::error, "instance-limit",
                             fmt::format("more than {} files inside each other, or {} in all; '{}' is left out", kDeepest, kMostInstances, wanted), at);
+            return std::nullopt;
+        }
+        for (const DocEntity& e : source->entities)
+            for (const DocBrush& b : e.brushes) sides_ += b.sides.size();
+        if (sides_ > kMostSides) {
+            context_.report(Severity::error, "instance-limit", fmt::format("instances bring more than {} brush sides; '{}' is left out", kMostSides, wanted), at);
             return std::nullopt;
         }
         const std::optional<std::uint16_t> file = index_of(source->file, at);
@@ -225,21 +243,29 @@ private:
         return lower_case(text);
     }
 
-    static void replace(Document& document, const Replacements& all) {
+    // A text that grows beyond all measure (values that name variables, file after file) keeps its variables, and is told.
+    void replace_in(std::string& text, const Replacements& variables, const SourceLocation& at) {
+        if (std::optional<std::string> r = replaced(text, variables)) text = *std::move(r);
+        else context_.report(Severity::error, "instance-limit", fmt::format("with its variables replaced, '{}' would be longer than {} bytes; they stay", shown(text), kMostReplaced), at);
+    }
+
+    void replace(Document& document, const Replacements& all) {
         Replacements variables, materials; // "#material other" names a whole material
         for (const auto& r : all)
             (r.first[0] == '#' ? materials : variables).emplace_back(r.first[0] == '#' ? slashes(r.first.substr(1)) : r.first, r.second);
         for (DocEntity& e : document.entities) {
-            for (DocKey& k : e.keys) k.key = replaced(k.key, variables), k.value = replaced(k.value, variables);
+            for (DocKey& k : e.keys) replace_in(k.key, variables, where(e, k)), replace_in(k.value, variables, where(e, k));
+            const auto in_material = [&](std::string& material, int line) {
+                replace_in(material, variables, {name_of(e.file), line, e.id});
+                for (const auto& [from, to] : materials)
+                    if (slashes(material) == from) {
+                        material = to;
+                        break;
+                    }
+            };
             for (DocBrush& b : e.brushes)
-                for (DocSide& s : b.sides) {
-                    s.material = replaced(s.material, variables);
-                    for (const auto& [from, to] : materials)
-                        if (slashes(s.material) == from) {
-                            s.material = to;
-                            break;
-                        }
-                }
+                for (DocSide& s : b.sides) in_material(s.material, s.line);
+            for (DocPatch& p : e.patches) in_material(p.material, p.line);
         }
     }
 

@@ -136,39 +136,66 @@ DocBrush brush_of(const Box3& b, int line, int& next_side) {
     return brush;
 }
 
-std::vector<DocBrush> walls_of(const std::vector<const DocCordon*>& cordons, int next_side) {
+struct Room {
+    Box3 box;
+    int line;
+};
+
+std::vector<DocBrush> walls_of(const std::vector<Room>& rooms, int next_side) {
     std::vector<DocBrush> walls;
-    for (const DocCordon* c : cordons)
+    for (const Room& c : rooms)
         for (std::size_t k = 0; k < 3; ++k)
             for (const bool high : {false, true}) {
-                Box3 slab = c->box; // x walls cover the edges of y walls, and so on: they abut and do not overlap
-                (high ? slab.lo : slab.hi)[k] = high ? c->box.hi[k] : c->box.lo[k];
+                Box3 slab = c.box; // x walls cover the edges of y walls, and so on: they abut and do not overlap
+                (high ? slab.lo : slab.hi)[k] = high ? c.box.hi[k] : c.box.lo[k];
                 (high ? slab.hi : slab.lo)[k] += high ? kWall : -kWall;
                 for (std::size_t j = k + 1; j < 3; ++j) slab.lo[j] -= kWall, slab.hi[j] += kWall;
                 std::vector<Box3> parts{slab};
-                for (const DocCordon* other : cordons) { // boxes that meet are one room
+                for (const Room& other : rooms) { // boxes that meet are one room
                     std::vector<Box3> left;
-                    for (const Box3& part : parts) subtract(part, other->box, left);
+                    for (const Box3& part : parts) subtract(part, other.box, left);
                     parts = std::move(left);
                 }
-                for (const Box3& part : parts) walls.push_back(brush_of(part, c->line, next_side));
+                for (const Box3& part : parts) walls.push_back(brush_of(part, c.line, next_side));
             }
     return walls;
+}
+
+// Displacements whose sides are gone go too, and the others close up.
+void drop_displacements(Document& document) {
+    std::vector<std::int32_t> moved(document.displacements.size(), -1);
+    std::vector<DocDisplacement> kept;
+    for (DocEntity& e : document.entities)
+        for (DocBrush& b : e.brushes)
+            for (DocSide& s : b.sides) {
+                if (s.displacement < 0 || static_cast<std::size_t>(s.displacement) >= moved.size()) continue;
+                std::int32_t& to = moved[static_cast<std::size_t>(s.displacement)];
+                if (to < 0) to = static_cast<std::int32_t>(kept.size()), kept.push_back(std::move(document.displacements[static_cast<std::size_t>(s.displacement)]));
+                s.displacement = to;
+            }
+    document.displacements = std::move(kept);
 }
 
 } // namespace
 
 void cut_to_cordons(Document& document, Context& context) {
-    std::vector<const DocCordon*> active;
-    for (const DocCordon& c : document.cordons)
-        if (c.active && c.box.lo.x < c.box.hi.x && c.box.lo.y < c.box.hi.y && c.box.lo.z < c.box.hi.z) active.push_back(&c);
+    std::vector<Room> active;
+    for (const DocCordon& c : document.cordons) {
+        if (!c.active || !(c.box.lo.x < c.box.hi.x && c.box.lo.y < c.box.hi.y && c.box.lo.z < c.box.hi.z)) continue;
+        Box3 box = c.box;
+        constexpr double kFar = kLargestCoordinate - kWall; // its walls are brushes like others
+        for (std::size_t k = 0; k < 3; ++k) box.lo[k] = std::clamp(box.lo[k], -kFar, kFar - 1), box.hi[k] = std::clamp(box.hi[k], 1 - kFar, kFar);
+        if (!(box.lo == c.box.lo && box.hi == c.box.hi))
+            context.report(Severity::warning, "cordon-large", fmt::format("the cordon reaches beyond what a map can hold; its walls stand at {} map units", kFar), {document.file, c.line});
+        active.push_back({box, c.line});
+    }
     if (active.empty() || document.entities.empty()) {
         context.report(Severity::warning, "cordon-none", "the map has no active cordon: all of it is built", {.file = document.file});
         return;
     }
     std::size_t brushes = 0, entities = 0;
     int next_side = 1;
-    const auto outside = [&](Vec3 p) { return std::ranges::none_of(active, [&](const DocCordon* c) { return inside(c->box, p); }); };
+    const auto outside = [&](Vec3 p) { return std::ranges::none_of(active, [&](const Room& c) { return inside(c.box, p); }); };
     std::vector<DocEntity> kept;
     for (std::size_t i = 0; i < document.entities.size(); ++i) {
         context.check_cancelled();
@@ -178,12 +205,12 @@ void cut_to_cordons(Document& document, Context& context) {
             for (const DocSide& s : b.sides) next_side = std::max(next_side, std::min(s.id, INT32_MAX - 1000000) + 1);
         brushes += std::erase_if(e.brushes, [&](const DocBrush& b) {
             const std::vector<Plane> planes = planes_of(b);
-            return std::ranges::none_of(active, [&](const DocCordon* c) { return touches(planes, c->box); });
+            return std::ranges::none_of(active, [&](const Room& c) { return touches(planes, c.box); });
         });
         brushes += std::erase_if(e.patches, [&](const DocPatch& p) {
             Box3 hull; // a Bezier surface lies in the hull of its points
             for (const Vec3& v : p.points) hull.add(v);
-            return std::ranges::none_of(active, [&](const DocCordon* c) { return overlap(c->box, hull); });
+            return std::ranges::none_of(active, [&](const Room& c) { return overlap(c.box, hull); });
         });
         // A brush entity goes with its brushes, a point entity with its origin; without either it is nowhere, and stays.
         bool gone = i > 0 && had > 0 && e.brushes.empty() && e.patches.empty();
@@ -196,13 +223,14 @@ void cut_to_cordons(Document& document, Context& context) {
         else kept.push_back(std::move(e));
     }
     document.entities = std::move(kept);
+    drop_displacements(document);
     std::vector<DocBrush> walls = walls_of(active, next_side);
     const std::size_t wall_count = walls.size();
     for (DocBrush& wall : walls) document.entities[0].brushes.push_back(std::move(wall));
     context.report(Severity::note, "cordon",
                    fmt::format("{} active cordons: {} brushes and {} entities outside are left out, {} walls of {} close them", active.size(), brushes,
                                entities, wall_count, kWallMaterial),
-                   {document.file, active[0]->line});
+                   {document.file, active[0].line});
 }
 
 } // namespace kiln::assemble_detail

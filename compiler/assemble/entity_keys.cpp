@@ -327,7 +327,7 @@ void fix_names(DocEntity& e, const NameFixup& fix) {
     }
 }
 
-std::string replaced(std::string_view text, const Replacements& replacements) {
+std::optional<std::string> replaced(std::string_view text, const Replacements& replacements) {
     std::string out;
     for (std::size_t at = 0; at < text.size();) {
         const std::pair<std::string, std::string>* longest = nullptr;
@@ -335,6 +335,7 @@ std::string replaced(std::string_view text, const Replacements& replacements) {
             if ((!longest || pair.first.size() > longest->first.size()) && equal_ignoring_case(text.substr(at, pair.first.size()), pair.first)) longest = &pair;
         if (longest) out += longest->second, at += longest->first.size();
         else out += text[at++];
+        if (out.size() > std::max(kMostReplaced, text.size())) return std::nullopt;
     }
     return out;
 }

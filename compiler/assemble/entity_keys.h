@@ -3,7 +3,10 @@
 #pragma once
 #include "compiler/assemble/placement.h"
 #include "libs/core/context.h"
+#include <algorithm>
+#include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 
 namespace kiln::assemble_detail {
@@ -13,13 +16,24 @@ void place_keys(DocEntity& entity, const Placement& placement, const SourceLocat
 
 // Ids of sides and navigation nodes in the keys, by the old id; one that is not in the map gets a new one too, by `fresh`,
 // so that it does not come to mean somebody else's.
+struct FreshIds {
+    int next = 1;
+    std::vector<int> taken; // sorted: what is not to come again once the largest number has been reached
+    int operator()() {
+        if (next == INT32_MAX) next = 1, again_ = true;
+        while (again_ && std::ranges::binary_search(taken, next)) ++next;
+        return next++;
+    }
+
+private:
+    bool again_ = false;
+};
 struct IdMap {
     std::map<int, int> ids;
-    int* next = nullptr;
+    FreshIds* fresh = nullptr;
     int operator()(int old) {
-        const auto [it, added] = ids.try_emplace(old, *next);
-        if (added) ++*next;
-        return it->second;
+        const auto it = ids.find(old);
+        return it != ids.end() ? it->second : ids.emplace(old, (*fresh)()).first->second;
     }
 };
 void renumber_sides(DocEntity& entity, IdMap& ids);
@@ -46,7 +60,9 @@ void fix_names(DocEntity& entity, const NameFixup& fix);
 
 // `$variable` -> text in keys, values and outputs; longest variable first, ASCII case ignored.
 using Replacements = std::vector<std::pair<std::string, std::string>>;
-std::string replaced(std::string_view text, const Replacements& replacements);
+constexpr std::size_t kMostReplaced = std::size_t{1} << 16;
+// Nothing: it would be longer than kMostReplaced.
+std::optional<std::string> replaced(std::string_view text, const Replacements& replacements);
 
 std::string number_text(double x); // at most six decimals, no exponent, no negative zero
 

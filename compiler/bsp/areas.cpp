@@ -181,6 +181,17 @@ void find_area_portals(const World& world, const Csg& csg, const Tree& tree, con
             for (const BrushId b : tree.leaves[in].area_portals)
                 contacts_of[b].push_back({p, areas.of_room[room], back ? portals[p].plane : flipped(portals[p].plane), area(portals[p].winding)});
         }
+    // Another area portal that touches this one with nothing between.
+    const auto portal_beside = [&](BrushId b) -> std::optional<BrushId> {
+        for (const BspPortal& p : portals)
+            for (const bool back : {false, true}) {
+                const auto& here = tree.leaves[(back ? p.leaf_back : p.leaf_front).at()].area_portals;
+                const auto& there = tree.leaves[(back ? p.leaf_front : p.leaf_back).at()].area_portals;
+                if (there.empty() || std::ranges::find(here, b) == here.end() || std::ranges::find(there, b) != there.end()) continue;
+                return there.front();
+            }
+        return std::nullopt;
+    };
     for (const BrushId b : brushes) {
         const BrushPolytope& brush = csg.brushes[b.at()];
         const std::vector<Contact>& contacts = contacts_of[b];
@@ -231,8 +242,11 @@ void find_area_portals(const World& world, const Csg& csg, const Tree& tree, con
                                                     "around it through {}",
                                                     name_place(a), name_place(z), area, path_length(out.leak), name_place(far)));
             } else {
-                tell("areaportal-one-side", fmt::format("is open to one side only, to area {} at {}: behind it is solid or the outside", area,
-                                                        name_place(centroid(portals[at(*first).portal].winding))));
+                std::string behind = "behind it is solid or the outside";
+                if (const std::optional<BrushId> next = portal_beside(b))
+                    behind = fmt::format("behind it is another area portal, brush {} (line {}); make one brush of the two", world.brushes[next->at()].id, world.location(*next).line);
+                tell("areaportal-one-side", fmt::format("is open to one side only, to area {} at {}: {}", area,
+                                                        name_place(centroid(portals[at(*first).portal].winding)), behind));
             }
         } else {
             tell("areaportal-closed", "touches no open space of the level: it lies in solid or outside");

@@ -100,7 +100,12 @@ void report_gaps(const World& world, const Csg& csg, const Tree& tree, const std
         const BspPortal& p = portals[thin[i]];
         const double wide = std::min({width(flow.doors[thin[i]].winding), tree.leaves[p.leaf_front.at()].thickness,
                                       tree.leaves[p.leaf_back.at()].thickness});
-        const std::vector<BrushId> near = brushes_near(world, csg, p.winding, 4);
+        std::vector<BrushId> near = brushes_near(world, csg, p.winding, 4);
+        if (parts_areas(p)) { // the one that wants to be moved
+            const Box3 around = box_of(p.winding, 4);
+            for (std::size_t b = 0; b < world.brushes.size(); ++b)
+                if (world.brushes[b].contents == Contents::area_portal && csg.brushes[b].valid && overlap(csg.brushes[b].bounds, around)) near.insert(near.begin(), id<BrushId>(b));
+        }
         constexpr double kDrawn = 1.0 / 64; // map units: planes that miss each other by less are a rounding of the editor, nothing to mend
         context.report(wide < kDrawn ? Severity::note : Severity::warning, "micro-gap",
                        fmt::format("a gap {:.4g} units wide at {}{} is taken as closed; brushes around it: {}", wide,

@@ -16,6 +16,7 @@ public:
               &patches = checker_.add("document-patches");
         std::set<std::pair<std::uint16_t, int>> entity_ids;
         std::vector<int> displaced(d.displacements.size());
+        std::vector<SourceLocation> carrier(d.displacements.size(), SourceLocation{d.file});
         for (const DocEntity& e : d.entities) {
             const SourceLocation where{e.file <= d.included.size() ? d.name_of(e.file) : d.file, e.line, e.id};
             // The world counts for itself, and copies of what an instance holds keep the ids of its file.
@@ -43,7 +44,7 @@ public:
                     sides.expect(!s.material.empty(), tell("a side without a material"));
                     if (s.displacement == -1) continue;
                     if (sides.expect(s.displacement >= 0 && static_cast<std::size_t>(s.displacement) < displaced.size(), tell("it names a displacement that does not exist")))
-                        ++displaced[static_cast<std::size_t>(s.displacement)];
+                        ++displaced[static_cast<std::size_t>(s.displacement)], carrier[static_cast<std::size_t>(s.displacement)] = at;
                 }
             }
             for (const DocPatch& p : e.patches) {
@@ -57,7 +58,8 @@ public:
         Check& grids = checker_.add("document-displacements");
         for (std::size_t i = 0; i < d.displacements.size(); ++i) {
             const DocDisplacement& g = d.displacements[i];
-            const SourceLocation at{d.file, g.line};
+            SourceLocation at = carrier[i];
+            at.line = g.line;
             grids.expect(displaced[i] == 1, [&] { return Finding{at, fmt::format("{} sides carry the displacement", displaced[i])}; });
             if (g.power == 0) continue; // nothing could be read of it, and the reader said so
             if (!grids.expect(g.power >= 2 && g.power <= 4, [&] { return Finding{at, fmt::format("its power is {}", g.power)}; })) continue;

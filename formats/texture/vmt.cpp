@@ -1,9 +1,43 @@
 #include "formats/texture/vmt.h"
 #include "formats/document/document.h"
 #include "formats/vmf/scanner.h"
+#include <algorithm>
 #include <charconv>
 
 namespace kiln {
+namespace {
+
+// "[$X360]", "[!$PS3 && $WIN32]": what stands behind a pair or a block's name. A vector as a value has no $.
+bool is_condition(std::string_view token) { return token.starts_with("[$") || token.starts_with("[!$"); }
+bool holds(std::string_view condition) { // on a desktop computer; of what is not known here, yes
+    const std::string text = lower_case(condition.substr(1, condition.find(']') - 1));
+    const auto term = [](std::string_view t) {
+        bool yes = true;
+        while (!t.empty() && (t.front() == '!' || t.front() == ' ')) yes = t.front() == '!' ? !yes : yes, t.remove_prefix(1);
+        while (!t.empty() && t.back() == ' ') t.remove_suffix(1);
+        for (const std::string_view console : {"$x360", "$xbox", "$ps3", "$gameconsole", "$linux", "$osx", "$posix", "$deck"})
+            if (t == console) return !yes;
+        for (const std::string_view here : {"$win32", "$win64", "$windows", "$pc", "$desktop"})
+            if (t == here) return yes;
+        return true;
+    };
+    const auto split = [](std::string_view all, std::string_view at, const auto& each) {
+        for (std::size_t from = 0; from <= all.size();) {
+            const std::size_t to = std::min(all.find(at, from), all.size());
+            each(all.substr(from, to - from));
+            from = to + at.size();
+        }
+    };
+    bool any = false;
+    split(text, "||", [&](std::string_view part) {
+        bool all = true;
+        split(part, "&&", [&](std::string_view t) { all = all && term(t); });
+        any = any || all;
+    });
+    return any;
+}
+
+} // namespace
 
 const std::string* Vmt::find(std::string_view key) const {
     for (auto it = keys.rbegin(); it != keys.rend(); ++it)
@@ -33,24 +67,27 @@ Result<Vmt> read_vmt(std::string_view text, const std::string& file) {
     // Blocks whose keys count: the shader's own, and of a patch those of insert and replace.
     int depth = 1, passed_from = 0; // passed over from this depth on; 0: nothing is
     std::string key;
-    bool has_key = false;
+    bool has_key = false, pair_before = false, block_holds = true;
     for (token = scanner.next(); token.kind != TokenKind::end && depth > 0; token = scanner.next()) {
         if (token.kind == TokenKind::close) {
             if (passed_from == depth) passed_from = 0;
-            --depth, has_key = false;
+            --depth, has_key = pair_before = false;
         } else if (token.kind == TokenKind::open) {
             ++depth;
-            const bool counts = patch && depth == 2 && (key == "insert" || key == "replace");
+            const bool counts = block_holds && patch && depth == 2 && (key == "insert" || key == "replace");
             if (passed_from == 0 && !(has_key && counts)) passed_from = depth;
-            has_key = false;
+            has_key = pair_before = false;
+        } else if (is_condition(token.text)) {
+            if (has_key) block_holds = holds(token.text); // of the block that begins
+            else if (pair_before && !holds(token.text)) out.keys.pop_back();
+            pair_before = false;
         } else if (!has_key) {
-            if (token.text.starts_with('[')) continue; // a condition, [$X360], behind the pair before
-            key = lower_case(token.text), has_key = true;
+            key = lower_case(token.text), has_key = block_holds = true, pair_before = false;
         } else {
             has_key = false;
             if (passed_from > 0) continue;
             if (patch && depth == 1 && key == "include") out.include = token.text;
-            else out.keys.emplace_back(key, std::string(token.text));
+            else out.keys.emplace_back(key, std::string(token.text)), pair_before = true;
         }
     }
     return out;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstring>
 #include <fmt/format.h>
+#include <map>
 
 namespace kiln {
 namespace {
@@ -36,7 +37,7 @@ std::optional<Rgbd> mean_colour(std::span<const std::uint8_t> texels, std::span<
 
 } // namespace
 
-Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::uint8_t> palette, const std::string& file, Context& context) {
+Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::uint8_t> palette, const std::string& file, const WantedTexture& wanted, Context& context) {
     const auto no = [&](std::string message) { return fault(Exit::input, "texture-unreadable", std::move(message), {.file = file}); };
     if (bytes.size() < kHeader || (std::memcmp(bytes.data(), "WAD2", 4) != 0 && std::memcmp(bytes.data(), "WAD3", 4) != 0))
         return no("this is no WAD2 or WAD3 archive");
@@ -45,6 +46,7 @@ Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::u
     const std::size_t count = u32(bytes, 4), directory = u32(bytes, 8);
     if (directory > bytes.size() || count > (bytes.size() - directory) / kEntry)
         return no(fmt::format("its directory of {} entries lies beyond the end of the file", count));
+    std::map<std::pair<std::size_t, bool>, std::optional<Rgbd>> means;
     for (std::size_t i = 0; i < count; ++i) {
         const std::size_t entry = directory + i * kEntry;
         if (bytes[entry + 12] != (out.own_palettes ? kMiptexOfHalfLife : kMiptexOfQuake)) continue;
@@ -69,6 +71,7 @@ Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::u
         }
         WadTexture texture{name_at(miptex, 0), static_cast<int>(width), static_cast<int>(height), std::nullopt};
         if (texture.name.empty()) texture.name = listed;
+        if (!wanted(texture.name)) continue;
         const std::size_t texels = std::size_t{width} * height, first = u32(miptex, 24);
         if (first > miptex.size() || texels > miptex.size() - first) {
             left_out("is cut short");
@@ -79,7 +82,13 @@ Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::u
             const std::size_t after = std::size_t{u32(miptex, 36)} + std::size_t{width / 8} * (height / 8) + 2;
             colours = after <= miptex.size() && kPalette <= miptex.size() - after ? miptex.subspan(after, kPalette) : std::span<const std::uint8_t>();
         }
-        if (colours.size() >= kPalette) texture.mean = mean_colour(miptex.subspan(first, texels), colours, texture.name.starts_with('{'));
+        // Entries may share what they name.
+        const auto [known, fresh] = means.try_emplace({at, texture.name.starts_with('{')});
+        if (fresh && colours.size() >= kPalette) {
+            context.check_cancelled();
+            known->second = mean_colour(miptex.subspan(first, texels), colours, texture.name.starts_with('{'));
+        }
+        texture.mean = known->second;
         out.textures.push_back(std::move(texture));
     }
     return out;

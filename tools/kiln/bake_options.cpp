@@ -2,6 +2,8 @@
 #include "libs/core/file.h"
 #include "tools/kiln/map_files.h"
 #include "tools/kiln/materials.h"
+#include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <fmt/format.h>
 #include <map>
@@ -186,11 +188,51 @@ std::vector<std::string> translate_known_words(int argc, char** argv, std::vecto
         {"-nopercent", {{}, 0, false, nullptr}},
         {"-nocolor", {{}, 0, false, nullptr}},
     };
+    // Words without a counterpart: what they would do is always done, never, or elsewhere. They go, with a note.
+    struct Gone {
+        const char* why;
+        int arguments; // that go along
+        std::vector<const char*> words;
+    };
+    static const std::vector<Gone> gone = {
+        {"the level is made anew each time; stages that have not changed come from --cache", 0, {"-onlyents", "-onlyprops", "-OnlyStaticProps", "-onlydetail", "-keepstalezip"}},
+        {"other files are not packed into a level", 1, {"-embed"}},
+        {"`kiln export` and `kiln dump` write what there is to look at", 0, {"-glview", "-objexport", "-dump", "-dumpnormals", "-dumptrace", "-dumppropmaps", "-dumpstaticprop", "-dumpcollide", "-rederrors", "-loghash", "-verboseentities", "-debugextra"}},
+        {"all contents are always built; a cordon (--cordon) leaves parts of a map out", 0, {"-nodetail", "-fulldetail", "-nowater", "-omitdetail", "-omitdetailwall", "-omitdetailillusionary", "-omitdetailfence"}},
+        {"that step is exact here and cannot be left out", 0, {"-noweld", "-nocsg", "-noshare", "-notjunc", "-noopt", "-noprune", "-nomerge", "-nomergewater", "-nosubdiv", "-snapaxial", "-forcegoodtree", "-nosort", "-nofill"}},
+        {"nothing small is dropped", 1, {"-micro", "-epsilon"}},
+        {"the tree has no block grid", 2, {"-block"}},
+        {"the tree has no block grid", 4, {"-blocks"}},
+        {"faces have no largest size", 1, {"-subdivide", "-maxNodeSize"}},
+        {"patches are as small as --error asks for", 1, {"-chop", "-maxchop", "-dispchop", "-disppatchradius", "-maxdispsamplesize", "-extrasky", "-surflight_subdivide", "-sunsamples", "-gate"}},
+        {"sampling follows --error", 0, {"-noextra", "-centersamples", "-fastambient", "-LargeDispSampleRadius", "-noskyboxrecurse", "-nodetaillight"}},
+        {"props are not read; they take the ambient cubes of where they stand", 0, {"-StaticPropLighting", "-StaticPropPolys", "-StaticPropNormals", "-nossprops", "-textureshadows"}},
+        {"the width of the sun is a key of its entity (SunSpreadAngle, _sunlight_penumbra)", 1, {"-softsun"}},
+        {"archives are named with --wad FILE, or by the map's wad key", 1, {"-wadpath"}},
+        {"maps are joined by a manifest (.vmm)", 1, {"-add"}},
+        {"there are no clip hulls", 0, {"-noclip", "-oldaxis", "-nooldaxis"}},
+        {"the level has a format of its own", 0, {"-bsp2", "-2psb", "-hexen2", "-hlbsp", "-q2bsp", "-bspx", "-lit", "-lux", "-lit2", "-xbox"}},
+        {"light is not darkened in corners beyond what is right: all bounces are solved", 0, {"-dirt"}},
+        {"what can be seen is never cut at a distance", 1, {"-radius_override", "-visdist"}},
+        {"there is no need for it here", 0, {"-StopOnExit", "-tmpout", "-tmpin", "-lightifmissing", "-novirtualmesh", "-allowdetailcracks", "-nodrawtriggers", "-forceskyvis", "-dlightmap"}},
+        {"there is no need for it here", 1, {"-dxlevel", "-minluxelscale", "-luxeldensity", "-insert_search_path"}},
+    };
     std::vector<std::string> words;
     for (int i = 1; i < argc; ++i) {
+        const std::string_view word = argv[i];
         const auto it = known.find(argv[i]);
         if (it == known.end()) {
-            words.emplace_back(argv[i]);
+            const auto found = std::ranges::find_if(gone, [&](const Gone& g) {
+                return std::ranges::any_of(g.words, [&](const char* w) { return equal_ignoring_case(word, w); });
+            });
+            if (found != gone.end()) {
+                notes.push_back(fmt::format("{}: {}", word, found->why));
+                for (int k = 0; k < found->arguments && i + 1 < argc && !(argv[i + 1][0] == '-' && std::isalpha(static_cast<unsigned char>(argv[i + 1][1]))); ++k) ++i;
+                continue;
+            }
+            // "-onlyfoo" is a word that is not known, and not a file "nlyfoo" to write.
+            const bool glued = word.starts_with("-o") && word.size() > 2 && word[2] != '=';
+            words.push_back(glued ? fmt::format("-{}", word) : std::string(word));
             continue;
         }
         words.insert(words.end(), it->second.ours.begin(), it->second.ours.end());

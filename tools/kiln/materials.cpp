@@ -53,12 +53,16 @@ Result<Vmt> read_vmt_file(const std::string& file) {
     return read_vmt({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, file);
 }
 // Of a patch: the keys of what it patches, its own after them. `game`: the folder that holds materials/.
-Result<Vmt> read_patched(const std::string& file, const std::filesystem::path& game) {
+Result<Vmt> read_patched(const std::string& file, const std::filesystem::path& game, Context& context) {
     auto vmt = read_vmt_file(file);
     constexpr int kMostPatches = 8; // a patch of a patch is rare; one of itself never ends
-    for (int i = 0; vmt && !vmt->include.empty() && i < kMostPatches; ++i) {
+    for (int i = 0; vmt && !vmt->include.empty(); ++i) {
         const auto patched = file_on_disk((game / with_slashes(vmt->include)).string());
-        if (!patched) break;
+        if (!patched || i == kMostPatches) {
+            context.report(Severity::warning, "texture-unreadable",
+                           fmt::format("it patches '{}', which {}; only its own keys count", vmt->include, patched ? "comes back to itself" : "is not there"), {.file = file});
+            break;
+        }
         auto below = read_vmt_file(*patched);
         if (!below) return below;
         below->keys.insert(below->keys.end(), vmt->keys.begin(), vmt->keys.end());
@@ -153,7 +157,7 @@ Result<TextFile> materials_of_textures(const std::string& folder, const Bytes& m
         Json& rule = rules[name];
         if (rule.is_null()) rule = Json::object();
         if (vmt_file) {
-            const auto vmt = read_patched(file, fs::path(folder).parent_path());
+            const auto vmt = read_patched(file, fs::path(folder).parent_path(), context);
             if (vmt) rule.update(rule_of(*vmt, folder, context));
             else unreadable(vmt.fault());
             continue;
@@ -186,14 +190,13 @@ Result<TextFile> materials_of_wad(const std::string& wad, const std::string& gam
             break;
         }
     }
-    const auto read = read_wad(*bytes, palette, wad, context);
+    const std::string text = lower_case(std::string(map.begin(), map.end()));
+    const auto read = read_wad(*bytes, palette, wad, [&](const std::string& name) { return named_in(text, lower_case(name)); }, context);
     if (!read) return read.fault();
     if (!read->own_palettes && palette.empty())
         context.report(Severity::note, "wad-palette", "there is no gfx/palette.lmp in the game folder nor beside this archive: the sizes of its textures are known, their colours are not", {.file = wad});
-    const std::string text = lower_case(std::string(map.begin(), map.end()));
     Json rules = Json::object();
     for (const WadTexture& t : read->textures) {
-        if (!named_in(text, lower_case(t.name))) continue;
         Json rule = {{"size", {t.width, t.height}}};
         if (t.mean) rule["reflectance"] = reflectance(*t.mean, kMostMean);
         rules[t.name] = rule;

@@ -97,6 +97,39 @@ TEST(Cordons, ABrushTouchesByItsShapeNotByItsBox) {
     EXPECT_EQ(d.entities[0].brushes.size(), 1u + 6u);
 }
 
+// A map with one displacement within and one outside: what is left is sound, and each side has its own.
+TEST(Cordons, DisplacementsGoWithTheirSides) {
+    std::string rows, ways;
+    for (int i = 0; i < 5; ++i) rows += fmt::format("\"row{}\" \"1 1 1 1 1\"\n", i), ways += fmt::format("\"row{}\" \"0 0 1 0 0 1 0 0 1 0 0 1 0 0 1\"\n", i);
+    const auto hill = [&](double x, int id, double elevation) {
+        std::string solid = vmf_box({x, 20, 0}, {x + 8, 28, 8}, id);
+        return solid.insert(solid.rfind("}\n}\n"), fmt::format("dispinfo\n{{\n\"power\" \"2\"\n\"startposition\" \"[{} 20 8]\"\n\"elevation\" \"{}\"\nnormals\n{{\n{}}}\ndistances\n{{\n{}}}\n}}\n", x, elevation, ways, rows));
+    };
+    Document d = map_with(vmf_world(hill(300, 1, 5) + hill(0, 11, 7) + hill(600, 21, 9)), {box({-64, -64, -64}, {64, 64, 64})});
+    ASSERT_EQ(d.displacements.size(), 3u);
+    Context context;
+    assemble_detail::cut_to_cordons(d, context);
+    ASSERT_EQ(d.displacements.size(), 1u);
+    EXPECT_EQ(d.displacements[0].elevation, 7);
+    int carried = 0;
+    for (const DocBrush& b : d.entities[0].brushes)
+        for (const DocSide& s : b.sides)
+            carried += s.displacement == 0 ? 1 : s.displacement < 0 ? 0 : 100;
+    EXPECT_EQ(carried, 1);
+}
+
+TEST(Cordons, WallsStandWithinTheLargestCoordinate) {
+    Document d = map_with(vmf_world(vmf_box({-8, -8, -8}, {8, 8, 8}, 1)), {box({-1e9, -64, -64}, {1e9, 64, 64})});
+    Context context;
+    assemble_detail::cut_to_cordons(d, context);
+    EXPECT_EQ(count(context, "cordon-large"), 1u);
+    EXPECT_EQ(d.entities[0].brushes.size(), 1u + 6u);
+    for (const DocBrush& b : d.entities[0].brushes)
+        for (const DocSide& s : b.sides)
+            for (const auto& p : s.points)
+                for (const Decimal& x : p) EXPECT_LE(std::abs(x.to_double()), kLargestCoordinate);
+}
+
 TEST(Cordons, NoneActive) {
     Document d = map_with(kMap, {box({-64, -64, -64}, {64, 64, 64})}, false);
     const std::size_t before = d.entities[0].brushes.size();

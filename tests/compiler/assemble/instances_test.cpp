@@ -121,6 +121,7 @@ TEST(Instances, AFileThatCannotBeReadIsLeftOut) {
     assembled(vmf_world("") + instance("bad.vmf", {}) + instance("bad.vmf", {}), {{"bad.vmf", "world\n{\n"}}, context);
     EXPECT_EQ(count(context, "unbalanced-braces"), 1u); // read once
     EXPECT_EQ(first(context, "unbalanced-braces").where.file, "bad.vmf");
+    EXPECT_EQ(first(context, "unbalanced-braces").severity, Severity::warning); // the map around it is built
     EXPECT_EQ(count(context, "instance-unreadable"), 2u);
 }
 
@@ -144,6 +145,46 @@ TEST(Instances, FilesThatMultiplyWithoutEndMeetALimit) {
     Context context;
     assembled(vmf_world("") + instance("0.vmf", {}), files, context);
     EXPECT_EQ(count(context, "instance-limit"), 1u);
+}
+
+// Few files that each hold many of the next: the number of copies is limited too, and the sides that they bring.
+TEST(Instances, CopiesMeetALimit) {
+    Files files;
+    const int deep = 5, wide = 12; // 12^5 copies
+    for (int i = 0; i < deep; ++i) {
+        std::string many = vmf_world("");
+        for (int k = 0; k < wide; ++k) many += instance(fmt::format("{}.vmf", i + 1), {});
+        files[fmt::format("{}.vmf", i)] = many;
+    }
+    files[fmt::format("{}.vmf", deep)] = vmf_world("");
+    Context context;
+    assembled(vmf_world("") + instance("0.vmf", {}), files, context);
+    EXPECT_GE(count(context, "instance-limit"), 1u);
+}
+
+TEST(Instances, SidesMeetALimit) {
+    std::string boxes;
+    for (int i = 0; i < 20000; ++i) boxes += vmf_box({0, 0, 0}, {1, 1, 1}, 1 + 6 * i);
+    Files files{{"part.vmf", vmf_world(boxes)}};
+    std::string many = vmf_world("");
+    for (int k = 0; k < 36; ++k) many += instance("part.vmf", {}); // 4.3 million sides
+    Context context;
+    const Document d = assembled(many, files, context);
+    EXPECT_EQ(count(context, "instance-limit"), 3u);
+    EXPECT_EQ(d.entities[0].brushes.size(), 33u * 20000);
+}
+
+// New ids never pass the largest number: they go on with what is free.
+TEST(Instances, SideIdsStayPositive) {
+    const Document d = assembled(vmf_world(vmf_box({0, 0, 0}, {8, 8, 8}, INT32_MAX - 8) + vmf_box({9, 0, 0}, {10, 8, 8}, 3)) + instance("part.vmf", {}) + instance("part.vmf", {}),
+                                 {{"part.vmf", vmf_world(vmf_box({0, 0, 0}, {8, 8, 8}, 100))}});
+    std::set<int> ids;
+    for (const DocBrush& b : d.entities[0].brushes)
+        for (const DocSide& s : b.sides) {
+            EXPECT_GT(s.id, 0);
+            EXPECT_TRUE(ids.insert(s.id).second) << s.id;
+        }
+    EXPECT_EQ(ids.size(), 24u);
 }
 
 TEST(Instances, UnreadablePlacesAreErrors) {
@@ -191,6 +232,12 @@ TEST(Instances, DiagnosticsOfTheWorldNameTheFileOfTheInstance) {
 TEST(Instances, GroupsAndCordonsOfInstancesMeanNothing) {
     const Files files{{"part.vmf", vmf_world(vmf_box({0, 0, 0}, {8, 8, 8}, 1)) + "cordon\n{\n\"mins\" \"(-1 -1 -1)\"\n\"maxs\" \"(1 1 1)\"\n\"active\" \"1\"\n}\n"}};
     EXPECT_TRUE(assembled(vmf_world("") + instance("part.vmf", {}), files).cordons.empty());
+}
+
+TEST(Manifests, DoNotNest) {
+    Context context;
+    assembled(vmf_world("") + instance("all.vmm", {}), {{"all.vmm", "\"Maps\"\n{\n\"VMF\"\n{\n\"File\" \"a.vmf\"\n}\n}\n"}}, context);
+    EXPECT_NE(first(context, "instance-unreadable").message.find("no other manifests"), std::string::npos);
 }
 
 TEST(Manifests, AllMapsJoinUnderThePrimaryWorld) {

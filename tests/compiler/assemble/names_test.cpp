@@ -71,6 +71,26 @@ TEST(Names, ReplacementsReachKeysOutputsMaterialsAndNestedInstances) {
     EXPECT_EQ(e.entities[0].brushes.at(0).sides[0].material, "dev/new");
 }
 
+TEST(Names, ReplacementsReachPatches) {
+    const std::string part = "{\n\"classname\" \"worldspawn\"\n{\npatchDef2\n{\n$tex\n( 3 3 0 0 0 )\n(\n( ( 0 0 0 0 0 ) ( 0 8 0 0 1 ) ( 0 16 0 0 2 ) )\n( ( 8 0 0 1 0 ) ( 8 8 0 1 1 ) ( 8 16 0 1 2 ) )\n"
+                             "( ( 16 0 0 2 0 ) ( 16 8 0 2 1 ) ( 16 16 0 2 2 ) )\n)\n}\n}\n}\n";
+    const Document d = assembled(vmf_world("") + vmf_entity("func_instance", {{"file", "part.map"}, {"replace01", "$tex brick/wall"}}), {{"part.map", part}});
+    ASSERT_EQ(d.entities[0].patches.size(), 1u);
+    EXPECT_EQ(d.entities[0].patches[0].material, "brick/wall");
+}
+
+// Each file hands on twice what it was given: the text keeps its variables where it would outgrow all memory, and that is told.
+TEST(Names, ReplacementsThatDoubleMeetALimit) {
+    Files files;
+    for (int i = 0; i < 40; ++i) files[fmt::format("{}.vmf", i)] = vmf_world("") + vmf_entity("func_instance", {{"file", fmt::format("{}.vmf", i + 1)}, {"replace01", fmt::format("$v{} $v{}$v{}", i + 1, i, i)}});
+    files["40.vmf"] = vmf_world("") + vmf_entity("info_target", {{"message", "$v40"}});
+    Context context;
+    const Document d = assembled(vmf_world("") + vmf_entity("func_instance", {{"file", "0.vmf"}, {"replace01", "$v0 0123456789"}}), files, context);
+    EXPECT_GE(count(context, "instance-limit"), 1u);
+    EXPECT_LE(entity(d, "info_target").get("message").size(), std::size_t{1} << 17);
+    EXPECT_EQ(first(context, "instance-limit").where.file.ends_with(".vmf"), true);
+}
+
 TEST(Outputs, GoThroughTheWallsOfAnInstance) {
     const std::string part = vmf_entity("func_button", {{"targetname", "button"}}) + vmf_entity("logic_relay", {{"targetname", "relay"}});
     const Document d = with(part, instance({{"targetname", "i"}}, {{"instance:button;OnPressed", "door,Open,,0,-1"}}) +

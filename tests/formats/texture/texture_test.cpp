@@ -13,6 +13,8 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
+const WantedTexture all = [](const std::string&) { return true; };
+
 void put(Bytes& b, std::uint64_t v, int size) {
     for (int i = 0; i < size; ++i) b.push_back(i < 8 ? static_cast<std::uint8_t>(v >> 8 * i) : std::uint8_t{0});
 }
@@ -65,7 +67,7 @@ TEST(Wad, SizesAndMeanColours) {
     const std::vector<Picture> pictures{{"WALL1", 64, 32, filled(64 * 32, 0, 200)}, {"{fence", 16, 16, filled(256, 255, 80)}, {"{nothing", 16, 16, filled(256, 255, 255)}, {"*lava1", 32, 64, filled(2048, 10, 10)}};
     for (const bool half_life : {false, true}) {
         Context c;
-        const auto wad = read_wad(wad_of(pictures, half_life), palette_of_greys(), "x.wad", c);
+        const auto wad = read_wad(wad_of(pictures, half_life), palette_of_greys(), "x.wad", all, c);
         ASSERT_TRUE(wad);
         EXPECT_EQ(wad->own_palettes, half_life);
         ASSERT_EQ(wad->textures.size(), 4u);
@@ -80,10 +82,38 @@ TEST(Wad, SizesAndMeanColours) {
         EXPECT_TRUE(c.diagnostics().empty());
     }
     Context c;
-    const auto wad = read_wad(wad_of(pictures, false), {}, "x.wad", c); // no palette: no colours
+    const auto wad = read_wad(wad_of(pictures, false), {}, "x.wad", all, c); // no palette: no colours
     ASSERT_TRUE(wad);
     EXPECT_EQ(wad->textures[0].width, 64);
     EXPECT_FALSE(wad->textures[0].mean);
+}
+
+// An archive holds thousands of textures of which a map names a few: of others nothing is read. Entries may share what they name.
+TEST(Wad, OnlyWhatIsWantedIsRead) {
+    const std::vector<Picture> pictures{{"wanted", 16, 16, filled(256, 1, 2)}, {"other", 16, 16, filled(256, 3, 4)}};
+    Bytes bytes = wad_of(pictures, true);
+    const std::size_t directory = std::size_t{bytes[8]} | std::size_t{bytes[9]} << 8 | std::size_t{bytes[10]} << 16;
+    Context c;
+    const WantedTexture one = [](const std::string& name) { return name == "wanted"; };
+    auto wad = read_wad(bytes, {}, "x.wad", one, c);
+    ASSERT_TRUE(wad);
+    ASSERT_EQ(wad->textures.size(), 1u);
+    EXPECT_EQ(wad->textures[0].name, "wanted");
+    std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(directory + 32), 8, bytes.begin() + static_cast<std::ptrdiff_t>(directory + 64)); // the second names the first's
+    wad = read_wad(bytes, {}, "x.wad", all, c);
+    ASSERT_TRUE(wad);
+    ASSERT_EQ(wad->textures.size(), 2u);
+    EXPECT_EQ(wad->textures[0].mean->x, wad->textures[1].mean->x);
+    // Asking for all of 100,000 such entries of a large texture reads it once: it would not end otherwise.
+    Bytes large = wad_of({{"large", 2048, 2048, filled(2048 * 2048, 1, 2)}}, true);
+    const std::size_t at = std::size_t{large[8]} | std::size_t{large[9]} << 8 | std::size_t{large[10]} << 16 | std::size_t{large[11]} << 24;
+    const Bytes entry(large.begin() + static_cast<std::ptrdiff_t>(at + 32), large.begin() + static_cast<std::ptrdiff_t>(at + 64));
+    for (int i = 1; i < 100000; ++i) large.insert(large.end(), entry.begin(), entry.end());
+    const std::uint32_t count = 100001; // the palette stands first
+    for (int i = 0; i < 4; ++i) large[4 + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(count >> 8 * i);
+    wad = read_wad(large, {}, "x.wad", all, c);
+    ASSERT_TRUE(wad);
+    EXPECT_EQ(wad->textures.size(), 100000u);
 }
 
 TEST(Wad, WhatIsCutShortIsTold) {
@@ -91,7 +121,7 @@ TEST(Wad, WhatIsCutShortIsTold) {
     for (std::size_t size = 0; size < good.size(); ++size) { // the directory stands at the end
         Context c;
         const std::vector<std::uint8_t> cut(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size));
-        const auto wad = read_wad(cut, {}, "x.wad", c);
+        const auto wad = read_wad(cut, {}, "x.wad", all, c);
         ASSERT_FALSE(wad) << size;
         EXPECT_EQ(wad.fault().diagnostic.code, "texture-unreadable");
         EXPECT_EQ(wad.fault().diagnostic.where.file, "x.wad");
@@ -99,7 +129,7 @@ TEST(Wad, WhatIsCutShortIsTold) {
     Bytes bad = good; // the first texture claims to be wide
     bad[12 + 16 + 1] = 0x10;
     Context c;
-    const auto wad = read_wad(bad, {}, "x.wad", c);
+    const auto wad = read_wad(bad, {}, "x.wad", all, c);
     ASSERT_TRUE(wad);
     ASSERT_EQ(wad->textures.size(), 1u);
     EXPECT_EQ(wad->textures[0].name, "b");
@@ -120,7 +150,7 @@ TEST(Wad, SpoiledBytesNeverCrash) {
             }
             if (i % 7 == 0) bad.resize(random() % (bad.size() + 1));
             Context c;
-            const auto wad = read_wad(bad, palette_of_greys(), "x.wad", c);
+            const auto wad = read_wad(bad, palette_of_greys(), "x.wad", all, c);
             if (!wad) continue;
             for (const WadTexture& t : wad->textures) {
                 EXPECT_LE(static_cast<std::size_t>(t.width) * static_cast<std::size_t>(t.height), bad.size());
@@ -170,7 +200,23 @@ TEST(Vmt, KeysOfTheShaderAlone) {
     EXPECT_FALSE(vmt->is_set("%compilesky"));
     EXPECT_TRUE(vmt->is_set("$nocull")); // what follows the blocks counts again
     EXPECT_FALSE(vmt->find("resultvar"));
-    EXPECT_EQ(vmt->keys.size(), 6u);
+    EXPECT_EQ(vmt->keys.size(), 5u); // $alpha .5 is for another machine
+}
+
+TEST(Vmt, ConditionsHoldOnADesktop) {
+    const auto value = [](const std::string& lines) {
+        const auto vmt = read_vmt("s\n{\n$color \"[1 1 1]\"\n" + lines + "\n}\n", "x.vmt");
+        EXPECT_EQ(*vmt->find("$color"), "[1 1 1]"); // no condition, though it looks like one
+        const std::string* found = vmt->find("$a");
+        return found ? *found : std::string("none");
+    };
+    for (const char* here : {"[$WIN32]", "[$windows]", "[!$X360]", "[!$PS3&&$WIN32]", "[$X360||$WIN32]", "[! $X360 ]", "[$SOMETHING]"}) EXPECT_EQ(value(std::string("$a 1 ") + here), "1") << here;
+    for (const char* elsewhere : {"[$X360]", "[!$WIN32]", "[$PS3||$X360]", "[$WIN32&&$X360]", "[$OSX]"}) EXPECT_EQ(value(std::string("$a 1 ") + elsewhere), "none") << elsewhere;
+    EXPECT_EQ(value("$a 1 [$WIN32]\n$a 2 [$X360]"), "1");
+    EXPECT_EQ(value("\"%compilesky\" 1 [$X360]\n$a 3"), "3");
+    const auto patch = read_vmt("patch { include a.vmt insert [$X360] { $a 1 } replace [!$X360] { $b 2 } }", "x.vmt");
+    EXPECT_FALSE(patch->find("$a"));
+    EXPECT_TRUE(patch->find("$b"));
 }
 
 TEST(Vmt, PatchesNameWhatTheyPatch) {

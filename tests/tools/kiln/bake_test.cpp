@@ -116,6 +116,33 @@ TEST(Bake, AStartMovedIntoTheVoidIsALeakOnAWarmCache) {
     for (const BspLeaf& l : out.bsp.leaves) EXPECT_FALSE(l.outside);
 }
 
+// Messages of a stage that comes from the cache name the lines of the map as it is now.
+TEST(Bake, MessagesOfAWarmCacheNameTodaysLines) {
+    const Workplace w;
+    const ContentStore store(w.path("cache"));
+    const auto told = [](const std::string& map, const ContentStore* from) {
+        CompileInput input;
+        input.map = {"test.map", Bytes(map.begin(), map.end())};
+        CompileRun run;
+        run.store = from;
+        run.last = Stage::surfaces;
+        Context context;
+        Compiled out;
+        EXPECT_TRUE(compile(input, {}, run, context, out));
+        std::vector<std::string> lines;
+        for (const Diagnostic& d : context.diagnostics()) lines.push_back(to_text(d));
+        return lines;
+    };
+    const std::string camera = entity("sky_camera", -8, 48, 24); // in the wall
+    const std::string patch = "{\n\"classname\" \"func_group\"\n{\npatchDef2\n{\nwall\n( 3 3 0 0 0 )\n(\n( ( 9 9 9 0 0 ) ( 9 9 9 0 1 ) ( 9 9 9 0 2 ) )\n( ( 9 9 9 1 0 ) ( 9 9 9 1 1 ) ( 9 9 9 1 2 ) )\n( ( 9 9 9 2 0 ) ( 9 9 9 2 1 ) ( 9 9 9 2 2 ) )\n)\n}\n}\n}\n";
+    const std::string before = two_rooms(camera + patch), after = two_rooms(entity("info_null", 32, 32, 24) + camera + patch);
+    const auto first = told(before, &store), warm = told(after, &store), cold = told(after, nullptr);
+    EXPECT_NE(first, cold);
+    EXPECT_EQ(warm, cold);
+    EXPECT_TRUE(std::ranges::any_of(cold, [](const std::string& line) { return line.find("sky-camera") != std::string::npos; }));
+    EXPECT_TRUE(std::ranges::any_of(cold, [](const std::string& line) { return line.find("patch") != std::string::npos; }));
+}
+
 TEST(Bake, ALightEditRedoesLightAndWhatFollows) {
     const Workplace w;
     const ContentStore store(w.path("cache"));

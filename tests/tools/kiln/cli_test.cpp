@@ -171,7 +171,8 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
                box(x + 128, -16, 0, x + 144, 112, 80) + box(x, -16, 0, x + 128, 0, 80) + box(x, 96, 0, x + 128, 112, 80);
     };
     const std::string things = entity("info_player_start", 32, 32, 24) + entity("light", 532, 32, 40) +
-                               "{\n\"classname\" \"func_areaportal\"\n" + box(60, 20, 20, 64, 60, 60) + "}\n"; // in mid air: a way leads around it
+                               "{\n\"classname\" \"func_areaportal\"\n" + box(60, 20, 20, 64, 60, 60) + "}\n" + // in mid air: a way leads around it
+                               "{\n\"classname\" \"func_areaportal\"\n" + box(560, 20, 20, 564, 60, 60) + "}\n";
     Outcome o = build(w, w.write("leak.map", world(room_at(0, false) + room_at(500, false)) + things));
     EXPECT_EQ(o.code, 4) << o.said;
     for (const char* name : {"out.pts", "out.lin", "out.leak2.pts", "out.leak2.lin"}) EXPECT_TRUE(w.has(name)) << name;
@@ -195,7 +196,7 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     EXPECT_EQ(o.code, 0) << o.said;
     EXPECT_TRUE(says(o, "[areaportal-leak]")) << o.said;
     const auto around = nlohmann::json::parse(w.run({"dump", "leak", w.path("leak.map"), "--json", "-q"}).out);
-    ASSERT_EQ(around.size(), 1u); // sealed; the area portal that parts nothing is left
+    ASSERT_EQ(around.size(), 2u); // sealed; the area portals that part nothing are left
     EXPECT_EQ(around[0]["area_portal"], 0);
     EXPECT_EQ(around[0]["areas"][0], around[0]["areas"][1]);
     EXPECT_EQ(around[0]["path"].front(), around[0]["from"]);
@@ -206,11 +207,10 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     EXPECT_TRUE(w.has("out.leak2.txt"));
     for (const char* name : {"outer.leak2.pts", "out.leak7.pts", "out.leak9.pts"}) EXPECT_TRUE(w.has(name)) << name;
     EXPECT_EQ(text_of(w.path("out.pts")), "");
-    std::string portal; // named after the brush, as the message names it
-    for (const std::string& name : w.files())
-        if (name.starts_with("out.areaportal") && name.ends_with(".lin")) portal = name;
-    ASSERT_NE(portal, "");
-    std::istringstream corners(text_of(w.path(portal)));
+    ASSERT_TRUE(w.has("out.areaportal1.lin"));
+    ASSERT_TRUE(w.has("out.areaportal2.lin")); // brush 0 of its entity, as the other is
+    EXPECT_NE(text_of(w.path("out.areaportal1.lin")), text_of(w.path("out.areaportal2.lin")));
+    std::istringstream corners(text_of(w.path("out.areaportal1.lin")));
     std::size_t lines = 0;
     for (std::string line; std::getline(corners, line);) ++lines;
     EXPECT_GT(lines, 2u);
@@ -323,6 +323,14 @@ TEST(Cli, WordsOfOtherCompilersWork) {
     const Outcome o = w.run({"build", w.write("room.map", lit_room()), "-o", w.path("out.kiln"), "-fast", "-threads", "1", "-bounce", "8"});
     EXPECT_EQ(o.code, 0) << o.said;
     EXPECT_TRUE(says(o, "all bounces"));
+    const Outcome p = w.run({"build", w.path("room.map"), "-o", w.path("out.kiln"), "-draft", "-onlyents"});
+    EXPECT_EQ(p.code, 2); // -draft is no word of anybody's
+    const Outcome q = w.run({"build", w.path("room.map"), "-o", w.path("out.kiln"), "--draft", "-onlyents", "-notjunc", "-chop", "4", "-StaticPropLighting", "-block", "-4", "-4", "-wadpath", "w"});
+    EXPECT_EQ(q.code, 0) << q.said;
+    for (const char* word : {"-onlyents:", "-notjunc:", "-chop:", "-StaticPropLighting:", "-wadpath:"}) EXPECT_TRUE(says(q, word)) << word;
+    // What only begins like -o is no file to write.
+    EXPECT_EQ(w.run({"build", w.path("room.map"), "-onlyfools"}).code, 2);
+    EXPECT_EQ(w.run({"dump", "faces", w.path("room.map"), "-outfile"}).code, 2);
 }
 
 TEST(Cli, JsonLogHasOneObjectALine) {
