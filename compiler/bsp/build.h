@@ -16,6 +16,7 @@ struct TreeLeaf {
     Box3 bounds;
     double thickness = 0;         // least extent, map units; solid ones have none
     Vec3 thin_way{};              // unit, the way it is least
+    double thin_end = 0;          // how far it reaches along thin_way
     std::vector<BrushId> brushes; // sorted
 };
 struct VoidFace { // where a leaf is open to the world's box

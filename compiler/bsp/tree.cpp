@@ -148,7 +148,7 @@ private:
             double reach = 0;
             for (const Poly& other : region.faces())
                 for (const Corner& c : other.corners()) reach = std::max(reach, q.distance - dot(q.normal, c.point));
-            if (reach < leaf.thickness) leaf.thickness = reach, leaf.thin_way = q.normal;
+            if (reach < leaf.thickness) leaf.thickness = reach, leaf.thin_way = q.normal, leaf.thin_end = q.distance;
             if (std::ranges::find(box_, f.support) != box_.end())
                 tree_.void_faces.push_back({static_cast<std::uint32_t>(tree_.leaves.size() - 1), winding(f), polygon(f)});
         }

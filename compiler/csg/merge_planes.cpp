@@ -205,6 +205,7 @@ std::vector<MergedSide> merge_planes(const PlaneTable& planes, const std::vector
     std::vector<char> in_sheet(faces.size(), 0);
     std::set<std::pair<std::uint32_t, std::uint32_t>> stays; // planes (id / 2) and faces of sheets that do not all go there
     const Vec3 touch = Vec3{1, 1, 1} * (kClose * tolerance);
+    std::set<std::pair<std::uint32_t, std::uint32_t>> moves; // and of those that do
     const auto goes = [&](std::uint32_t face, PlaneId drawn) { return near_plane(faces[face], drawn) && !stays.contains({drawn.value / 2, face}); };
     // Adds those that touch the face; false: one of them does not go to `drawn`.
     const auto spread = [&](const Face& face, PlaneId drawn) {
@@ -221,13 +222,14 @@ std::vector<MergedSide> merge_planes(const PlaneTable& planes, const std::vector
     };
     for (std::uint32_t i = 0; i < faces.size(); ++i) {
         const PlaneId drawn = whole[faces[i].side.at()];
-        if (!drawn.valid() || drawn == faces[i].plane) continue;
+        if (!drawn.valid() || drawn == faces[i].plane || moves.contains({drawn.value / 2, i})) continue;
+        if (i % 256 == 0) context.check_cancelled();
         sheet.assign(1, i), in_sheet[i] = 1;
         bool all = near_plane(faces[i], drawn);
         for (std::size_t at = 0; all && at < sheet.size(); ++at) all = spread(faces[sheet[at]], drawn);
         for (const std::uint32_t j : sheet) {
             in_sheet[j] = 0;
-            if (!all) stays.insert({drawn.value / 2, j});
+            (all ? moves : stays).insert({drawn.value / 2, j});
         }
         if (!all) continue;
         Candidate& d = candidates[drawn.value / 2];

@@ -125,7 +125,7 @@ int run(int argc, char** argv) {
     int repeat = 1, threads = 1;
     std::string csv_path, svg_path, write_path;
     app.add_option("MAP", maps, "Maps to time instead of made ones (.map, .vmf)");
-    app.add_option("--kind", kinds, "Of boxes, turned, tumbled, city (default: all)")->check(CLI::IsMember({"boxes", "turned", "tumbled", "city"}));
+    app.add_option("--kind", kinds, "Of boxes, turned, tumbled, city, tiles (default: all)")->check(CLI::IsMember(std::vector<std::string>(std::begin(kSoupNames), std::end(kSoupNames))));
     app.add_option("--min", least, "Fewest brushes")->check(CLI::Range(16.0, 1e7));
     app.add_option("--max", most, "Most brushes, in steps of a factor of 10^(1/2)")->check(CLI::Range(16.0, 1e7));
     app.add_flag("--short", brief, "Up to 3162 brushes: some seconds");

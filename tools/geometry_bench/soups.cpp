@@ -36,6 +36,7 @@ public:
     MapText() { text_ = "{\n\"classname\" \"worldspawn\"\n"; }
     Turn turn;           // of everything
     bool rounded = false; // points to 1/1024
+    double spoil = 0;     // points of tops are off by so much, up or down
 
     // A box about `center`, turned by `own` about it.
     void box(Vec3 lo, Vec3 hi, const Turn& own = {}, const char* texture = "wall") {
@@ -50,7 +51,10 @@ public:
                 u[a] = 2 * half[a], v[b] = 2 * half[b];
                 // Clockwise seen from outside.
                 const Vec3 p[3] = {corner, corner + (sign > 0 ? v : u), corner + (sign > 0 ? u : v)};
-                for (const Vec3& q : p) point(turn(center + own(q)));
+                for (const Vec3& q : p) {
+                    const bool off = spoil > 0 && axis == 2 && sign > 0;
+                    point(turn(center + own(q)) + Vec3{0, 0, off ? spoil * (random_.whole(0, 1) * 2 - 1) * random_.whole(1, 3) : 0});
+                }
                 text_ += texture;
                 text_ += " 0 0 0 1 1\n";
             }
@@ -77,6 +81,7 @@ public:
 
 private:
     std::string text_;
+    Random random_{3};
     void point(Vec3 p) {
         if (rounded)
             for (std::size_t i = 0; i < 3; ++i) p[i] = std::round(p[i] * 1024) / 1024;
@@ -132,8 +137,27 @@ std::string make_city(std::size_t brushes) {
     return map.finish({16, 16, 40});
 }
 
+std::string make_tiles(std::size_t brushes) {
+    constexpr double kTile = 16, kHigh = 256;
+    MapText map;
+    const auto n = std::max<std::size_t>(2, static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(brushes) - 6))));
+    map.spoil = 0.001;
+    for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t j = 0; j < n; ++j) {
+            const Vec3 at{kTile * static_cast<double>(i), kTile * static_cast<double>(j), 0};
+            map.box(at + Vec3{0, 0, -16}, at + Vec3{kTile, kTile, 0});
+        }
+    map.spoil = 0;
+    const double side = kTile * static_cast<double>(n);
+    map.hall({0, 0, -16}, {side, side, kHigh}, 16);
+    return map.finish({16, 16, 40});
+}
+
 } // namespace
 
-std::string make_map(Soup soup, std::size_t brushes) { return soup == Soup::city ? make_city(brushes) : make_soup(soup, brushes); }
+std::string make_map(Soup soup, std::size_t brushes) {
+    if (soup == Soup::city) return make_city(brushes);
+    return soup == Soup::tiles ? make_tiles(brushes) : make_soup(soup, brushes);
+}
 
 } // namespace kiln::bench

@@ -10,10 +10,11 @@ enum class Soup : std::uint8_t {
     turned,  // the same, all of it turned about two axes by odd angles, points rounded to 1/1024 unit
     tumbled, // the same with an orientation of its own for each box
     city,    // pillars of differing heights on a lattice, floor and sky a slab for each block: long lines of sight
+    tiles,   // a floor of tiles whose tops a tool has spoiled by a few thousandths, under a hall: one sheet that returns to the grid
 };
-constexpr const char* kSoupNames[] = {"boxes", "turned", "tumbled", "city"};
+constexpr const char* kSoupNames[] = {"boxes", "turned", "tumbled", "city", "tiles"};
 
-// About `brushes` brushes (city: the nearest square of blocks), a light and a player start. The same text each time.
+// About `brushes` brushes (city, tiles: the nearest square), a light and a player start. The same text each time.
 std::string make_map(Soup soup, std::size_t brushes);
 
 } // namespace kiln::bench

@@ -307,6 +307,31 @@ TEST(MicroGap, ThinLeavesAlongWallsAreNoWayOut) {
     EXPECT_TRUE(test::build(w.world, {.micro_gap = 0}).leak);
 }
 
+// A crack along the end of a wall, open to the inside on one side of another wall that stands before it and to the outside on
+// the other. Something thinner lies in it, and cuts it into leaves on top of one another with wide portals between: through
+// these the way along the crack is no wider than it was.
+TEST(MicroGap, WhatLiesInACrackDoesNotOpenIt) {
+    const auto shell = [](double gap, const std::vector<std::array<double, 2>>& shims) {
+        WorldBuilder w;
+        w.box({-16, -16, -16}, {548, 272, 0});
+        w.box({-16, -16, 256}, {548, 272, 272});
+        w.box({-16, -16, 0}, {0, 272, 256});
+        w.box({0, -16, 0}, {500, 0, 256});
+        w.box({0, 256, 0}, {512, 272, 256});
+        w.box({500, -16, 0}, {540, 100, 256});
+        w.box({512, 100 + gap, 0}, {528, 272, 256});
+        for (const auto& z : shims) w.box({500, 100, z[0]}, {540, 100 + gap / 2, z[1]});
+        w.point_entity("light", {200, 200, 200});
+        return test::build(w.world);
+    };
+    using Shims = std::vector<std::array<double, 2>>;
+    for (const Shims& shims : {Shims{}, Shims{{100, 140}}, Shims{{0, 140}}, Shims{{0, 4}, {252, 256}}, Shims{{8, 16}, {32, 64}, {128, 192}}}) {
+        EXPECT_FALSE(shell(0.125, shims).leak) << shims.size();
+        EXPECT_EQ(shell(0.125, shims).count("micro-gap"), 1u) << shims.size();
+        EXPECT_TRUE(shell(0.5, shims).leak) << shims.size(); // each half of it is thicker than a micro gap
+    }
+}
+
 TEST(MicroGap, CracksThatLeadNowhereAreNotReported) {
     WorldBuilder w;
     w.room({0, 0, 0}, {256, 256, 128});

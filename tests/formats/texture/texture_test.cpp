@@ -14,7 +14,7 @@ namespace {
 using Bytes = std::vector<std::uint8_t>;
 
 void put(Bytes& b, std::uint64_t v, int size) {
-    for (int i = 0; i < size; ++i) b.push_back(static_cast<std::uint8_t>(v >> 8 * i));
+    for (int i = 0; i < size; ++i) b.push_back(i < 8 ? static_cast<std::uint8_t>(v >> 8 * i) : std::uint8_t{0});
 }
 void put_name(Bytes& b, const std::string& name) {
     for (std::size_t i = 0; i < 16; ++i) b.push_back(i < name.size() ? static_cast<std::uint8_t>(name[i]) : 0);

@@ -328,10 +328,12 @@ bool Motion::mirrors() const {
 
 World moved(const World& world, const Motion& motion) {
     World result = world;
+    // 12 digits after the point stay: the sum has no room for more.
     const auto add = [](Decimal d, std::int64_t whole) {
+        for (; d.exponent > 0; --d.exponent) d.mantissa *= 10;
+        for (; d.exponent < -12; ++d.exponent) d.mantissa = (d.mantissa + (d.mantissa < 0 ? -5 : 5)) / 10;
         std::int64_t unit = 1;
         for (int e = d.exponent; e < 0; ++e) unit *= 10;
-        for (; d.exponent > 0; --d.exponent) d.mantissa *= 10;
         d.mantissa += whole * unit;
         return d;
     };
