@@ -11,6 +11,9 @@ namespace kiln {
 // Distance of ray origins from the rim of their footprint, in push-offs: walls that lean over it as far as 6
 // degrees from the surface do not swallow them.
 constexpr double kMargin = 10;
+constexpr int kPatchRefinements = 3;
+constexpr double kPatchShare = 0.6;                        // of the target, for patches; the noise has as much
+constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
 Quality Quality::of(const LightOptions& options) {
     Quality q;
@@ -211,7 +214,7 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
 }
 
 void Bake::find_neighbours() {
-    neighbours_.resize(patches_.patches.size());
+    neighbours_.assign(patches_.patches.size(), {});
     for (const auto& [a, b] : edges_) {
         const std::uint32_t p = patches_.piece_patch[a], q = patches_.piece_patch[b];
         if (p != q) neighbours_[p].push_back(q), neighbours_[q].push_back(p);
@@ -220,6 +223,66 @@ void Bake::find_neighbours() {
         std::ranges::sort(list);
         list.erase(std::unique(list.begin(), list.end()), list.end());
     }
+}
+
+// Patches of quality_.patch_size, their solution, and the lights of each.
+std::vector<Rgbd> Bake::solve_patches() {
+    const std::size_t luxels = surfaces_.luxels.size();
+    patches_ = build_patches(world_, surfaces_, edges_, quality_.patch_size);
+    const std::size_t n = patches_.patches.size();
+    // Few patches: all the more rays each, for the same share of the work.
+    const double per_patch = 64.0 * static_cast<double>(luxels) / static_cast<double>(std::max<std::size_t>(n, 1));
+    quality_.row_rays = Quality::of(options_).row_rays;
+    while (quality_.row_rays < 2048 && quality_.row_rays * 2 <= per_patch) quality_.row_rays *= 2;
+    patch_emitter_.clear();
+    for (const Patch& p : patches_.patches) patch_emitter_.push_back(emitters_.of_face[p.face.at()]);
+    luxel_patch_.assign(luxels, kNoPatch);
+    std::vector<std::vector<std::uint32_t>> by_patch(n);
+    for (std::uint32_t l = 0; l < luxels; ++l) {
+        const Luxel& luxel = surfaces_.luxels[l];
+        std::map<std::uint32_t, double> area;
+        double most = -1;
+        for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
+            const std::uint32_t piece = luxel.first_piece + k;
+            const double a = polygon_area(points_of(surfaces_, surfaces_.pieces[piece]));
+            const std::uint32_t patch = patches_.piece_patch[piece];
+            if ((area[patch] += a) > most) most = area[patch], luxel_patch_[l] = patch;
+        }
+        if (luxel_patch_[l] != kNoPatch) by_patch[luxel_patch_[l]].push_back(l);
+    }
+    patch_luxel_first_.assign(1, 0);
+    patch_luxels_.clear();
+    for (const auto& list : by_patch) {
+        patch_luxels_.insert(patch_luxels_.end(), list.begin(), list.end());
+        patch_luxel_first_.push_back(static_cast<std::uint32_t>(patch_luxels_.size()));
+    }
+
+    find_neighbours();
+    trace_rows();
+    const Rows rows = merge_rows();
+    std::vector<Rgbd> rho;
+    for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
+    // First everything gathered, to know what is bright and what is dark; then the lights that deserve their own
+    // rays.
+    const std::vector<Rgbd> estimate = solve(rows, gathered_emission(false), rho, &out_.iterations, &residual_);
+    choose_lights(estimate);
+    std::vector<std::uint32_t> all(n);
+    std::iota(all.begin(), all.end(), 0u);
+    luxel_direct(all);
+    const std::vector<Rgbd> direct = patch_direct();
+    std::vector<Rgbd> first = gathered_emission(true);
+    for (std::size_t p = 0; p < n; ++p) first[p] += direct[p];
+    std::vector<Rgbd> total = solve(rows, first, rho, &out_.iterations, &residual_);
+    std::vector<Rgbd> rest(n);
+    for (std::size_t p = 0; p < n; ++p) rest[p] = total[p] - direct[p];
+    reflected_ = reflected_light(rest, total);
+    coarse_ = coarse_light(rows, direct, first);
+    double area = 0, sum = 0;
+    for (std::size_t p = 0; p < n; ++p)
+        area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
+    floor_ = area > 0 ? options_.error_floor * sum / area : 0;
+    rays_.assign(n, quality_.first_rays);
+    return total;
 }
 
 Lighting Bake::run() {
@@ -254,67 +317,27 @@ Lighting Bake::run() {
     out_.rnm.resize(rnm);
 
     edges_ = piece_adjacency(surfaces_);
-    patches_ = build_patches(world_, surfaces_, edges_, quality_.patch_size);
-    const std::size_t n = patches_.patches.size();
-    // Few patches: all the more rays each, for the same share of the work.
-    const double per_patch = 64.0 * static_cast<double>(luxels) / static_cast<double>(std::max<std::size_t>(n, 1));
-    while (quality_.row_rays < 2048 && quality_.row_rays * 2 <= per_patch) quality_.row_rays *= 2;
-    for (const Patch& p : patches_.patches) patch_emitter_.push_back(emitters_.of_face[p.face.at()]);
-    luxel_patch_.assign(luxels, kNoPatch);
-    std::vector<std::vector<std::uint32_t>> by_patch(n);
-    for (std::uint32_t l = 0; l < luxels; ++l) {
-        const Luxel& luxel = surfaces_.luxels[l];
-        std::map<std::uint32_t, double> area;
-        double most = -1;
-        for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
-            const std::uint32_t piece = luxel.first_piece + k;
-            const double a = polygon_area(points_of(surfaces_, surfaces_.pieces[piece]));
-            const std::uint32_t patch = patches_.piece_patch[piece];
-            if ((area[patch] += a) > most) most = area[patch], luxel_patch_[l] = patch;
-        }
-        if (luxel_patch_[l] != kNoPatch) by_patch[luxel_patch_[l]].push_back(l);
-    }
-    patch_luxel_first_.assign(1, 0);
-    for (const auto& list : by_patch) {
-        patch_luxels_.insert(patch_luxels_.end(), list.begin(), list.end());
-        patch_luxel_first_.push_back(static_cast<std::uint32_t>(patch_luxels_.size()));
-    }
-
-    find_neighbours();
-    trace_rows();
-    const Rows rows = merge_rows();
-    std::vector<Rgbd> rho;
-    for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
-    double residual = 0;
-    // First everything gathered, to know what is bright and what is dark; then the lights that deserve their own
-    // rays.
-    const std::vector<Rgbd> estimate = solve(rows, gathered_emission(false), rho, &out_.iterations, &residual);
-    choose_lights(estimate);
-    std::vector<std::uint32_t> all(n);
-    std::iota(all.begin(), all.end(), 0u);
-    luxel_direct(all);
-    const std::vector<Rgbd> direct = patch_direct();
-    std::vector<Rgbd> first = gathered_emission(true);
-    for (std::size_t p = 0; p < n; ++p) first[p] += direct[p];
-    const std::vector<Rgbd> total = solve(rows, first, rho, &out_.iterations, &residual);
-    std::vector<Rgbd> rest(n);
-    for (std::size_t p = 0; p < n; ++p) rest[p] = total[p] - direct[p];
-    reflected_ = reflected_light(rest, total);
-    coarse_ = coarse_light(rows, direct, first);
-
-    // A first pass shows where the noise is; the noise share of the target says how many rays it is worth. What the
-    // bundles met by surprise (a lamp seen through a slit) gets its own rays, there and next to it.
-    double area = 0, sum = 0;
-    for (std::size_t p = 0; p < n; ++p)
-        area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
-    floor_ = area > 0 ? options_.error_floor * sum / area : 0;
-    rays_.assign(n, quality_.first_rays);
-    noise_.assign(n, 0), noise_weight_.assign(n, 0);
-    std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
-    luxel_direct(again);
+    std::vector<Rgbd> total = solve_patches();
     const double target = options_.error_percent / 100;
     const auto one_in = static_cast<std::uint32_t>(
         std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
+    // Patches as small as the target asks for: where a few luxels say that they matter more than they may, half as large.
+    for (int k = 0; k < kPatchRefinements; ++k) {
+        const std::size_t before = patches_.patches.size();
+        if (4 * before * quality_.row_rays > kMostRowHits || pilot(4 * one_in).bias <= kPatchShare * target) break;
+        quality_.patch_size /= 2;
+        total = solve_patches();
+        if (patches_.patches.size() <= before) break; // they are luxels already
+    }
+    const std::size_t n = patches_.patches.size();
+    std::vector<std::uint32_t> all(n);
+    std::iota(all.begin(), all.end(), 0u);
+
+    // A first pass shows where the noise is; the noise share of the target says how many rays it is worth. What the
+    // bundles met by surprise (a lamp seen through a slit) gets its own rays, there and next to it.
+    noise_.assign(n, 0), noise_weight_.assign(n, 0);
+    std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
+    luxel_direct(again);
     double wanted = 0.6 * target;
     const auto gather = [&] {
         const std::vector<std::uint32_t> before = rays_;
@@ -344,9 +367,9 @@ Lighting Bake::run() {
 
     ErrorReport& e = out_.error;
     e.target = options_.error_percent;
-    e.noise = 100 * check.noise, e.patch_bias = 100 * check.bias, e.iteration = 100 * residual;
+    e.noise = 100 * check.noise, e.patch_bias = 100 * check.bias, e.iteration = 100 * residual_;
     e.representation = 100 * check.representation;
-    const double square = check.noise * check.noise + check.bias * check.bias + residual * residual;
+    const double square = check.noise * check.noise + check.bias * check.bias + residual_ * residual_;
     const double spread = 1.96 * std::hypot(check.noise_se, check.bias_se);
     e.estimate = 100 * std::sqrt(square);
     e.low = 100 * std::sqrt(std::max(0.0, square - spread)), e.high = 100 * std::sqrt(square + spread);

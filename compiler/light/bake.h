@@ -79,7 +79,7 @@ private:
 
 struct LuxelGather {
     KernelSum sum;
-    double variance = 0; // of the mean flat value, from quarters of the sequence (an upper bound)
+    std::array<double, 4> variance{}; // of what is shown (LuxelKernel::shown), from quarters of the sequence: an upper bound
     HitCounts hits;
 };
 
@@ -95,6 +95,7 @@ private:
         std::vector<std::uint32_t> patch;
         std::vector<float> weight;
     };
+    std::vector<Rgbd> solve_patches();
     // rows.cpp
     void trace_rows();
     Rows merge_rows() const;
@@ -108,6 +109,7 @@ private:
                    const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const;
     double threshold(std::uint32_t patch,
                      std::uint32_t emitter) const; // form factor from which on it is worth rays
+    bool looks_many_ways(std::uint32_t patch) const;
     double form_factor_bound(std::uint32_t patch, std::uint32_t emitter) const;
     std::uint16_t penumbra_samples(double share) const;
     bool receives(std::uint32_t patch) const;
@@ -118,12 +120,12 @@ private:
     // gather.cpp
     void patch_guide(std::uint32_t patch, const HemisphereMap& map, Guide* guide) const;
     // `met`: receives emitters that should have had rays of their own, and leaves their light out; none: it stays
-    // in. `coarse`: the same rays looked up in another solution, for the estimate of its difference.
+    // in. `coarse`: the same rays looked up in another solution, for the estimate of its difference; their sum.
     LuxelGather gather(std::uint32_t luxel, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
                        std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
-                       const ReflectedLight* coarse = nullptr, Rgbd* coarse_flat = nullptr) const;
+                       const ReflectedLight* coarse = nullptr, KernelSum* coarse_sum = nullptr) const;
     enum class Pass { first, again, last };
-    struct PilotResult {
+    struct PilotResult {                  // of what is shown along that of the four normals that fares worst
         double noise = 0, bias = 0;       // rRMSE
         double gather = 0, direct = 0;    // the two parts of the noise
         double noise_se = 0, bias_se = 0; // standard errors of the mean squares
@@ -162,6 +164,7 @@ private:
     std::vector<std::uint8_t> covered_;        // per patch: it looks into what is solid; nothing is baked there
     std::vector<std::uint32_t> hits_;          // row_rays per patch, in ray order
     std::vector<double> estimate_;             // per patch: mean irradiance, everything gathered
+    double residual_ = 0;                      // relative, of the last solution
     double floor_ = 0;                         // irradiance below which errors are not relative any more
     std::vector<std::vector<LightRef>> lists_; // per patch: emitters in ascending order, then entities
     std::vector<std::uint32_t> luxel_patch_;   // per luxel: the patch of most of its footprint

@@ -7,6 +7,7 @@ namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
+constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
 } // namespace
 
 bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
@@ -33,14 +34,21 @@ double Bake::threshold(std::uint32_t p, std::uint32_t i) const {
     return root * root;
 }
 
-// Nearly an upper bound of the form factor from anywhere on the patch.
+// A bent patch, and one with directional luxels: a lamp low over the horizon of its plane stands high over that of
+// another normal.
+bool Bake::looks_many_ways(std::uint32_t p) const {
+    const Face& face = surfaces_.faces[patches_.patches[p].face.at()];
+    return face.curved() || (face.chart.valid() && cones_[face.chart.at()]);
+}
+
+// Nearly an upper bound of the form factor from anywhere on the patch, of the solid angle over pi where it looks many ways.
 double Bake::form_factor_bound(std::uint32_t p, std::uint32_t i) const {
     const Patch& patch = patches_.patches[p];
     const Emitter& emitter = emitters_.emitters[i];
     const Face& face = surfaces_.faces[patch.face.at()];
     const double radius = std::sqrt(patch.area);
     Vec3 x = patch.centroid + face.normal * (scene_.push_off() + 0.25 * radius);
-    const Vec3 normal = face.curved() ? Vec3{} : face.normal; // a bent patch looks many ways
+    const Vec3 normal = looks_many_ways(p) ? Vec3{} : face.normal;
     const double ahead = emitter.distance - dot(emitter.normal, x);
     if (ahead > 0) x += emitter.normal * std::min(ahead + 1e-3, radius); // a part may be in front of it
     return 4 * emitters_.bound(i, x, normal);
@@ -78,6 +86,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             const Footprint footprint = footprint_of_patch(p);
             if (footprint.empty()) continue;
             const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);
+            const bool many_ways = looks_many_ways(p);
             const Sobol points(seed_at(patch.centroid, 2));
             // Test rays: four where little is at stake, else two for each luxel, so that no thin shadow falls
             // between.
@@ -112,7 +121,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     ++tested, ++rays;
                     if (scene_.occluded(x, y)) continue;
                     ++seen;
-                    factor += std::min(1.0, cx * cy * emitter.area / (kPi * r2 * r2));
+                    factor += std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
                 }
                 if (!seen && !met[i]) continue;
                 if (seen && !met[i] && factor / tested < least) continue;
@@ -235,22 +244,19 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
         std::uint32_t seen = 0, tested = 0;
         const auto shine = [&](const Point& at, std::uint32_t index, std::uint32_t each, bool trace, KernelSum* out) {
             const Vec3 x = at.position, normal = at.normal;
-            const bool flat_is_exact = dot(kernel.frame.n, normal) > 1 - 1e-9;
             if (ref.is_emitter) {
                 const Emitter& e = emitters_.emitters[ref.light];
                 const Vec3 off = e.normal * scene_.push_off();
-                emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4,
-                                 [&](Vec3 y, Vec3 way, double solid, double irradiance) {
+                emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, trace ? EmitterSet::Arrival::each : EmitterSet::Arrival::whole,
+                                 [&](Vec3 y, Vec3 flux) {
                                      if (trace) {
                                          ++tested;
                                          if (scene_.occluded(x, y + off)) return;
                                          ++seen;
                                      }
                                      if (!out) return;
-                                     if (flat_is_exact)
-                                         kernel.add(*out, way, e.radiance, solid, irradiance);
-                                     else
-                                         kernel.add(*out, way, e.radiance * solid);
+                                     const double solid = length(flux);
+                                     kernel.add(*out, flux / solid, e.radiance * solid);
                                  });
                 return;
             }
@@ -277,10 +283,10 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
             if (seen == (ref.hidden ? 0 : tested)) {
                 if (ref.hidden) continue;
                 if (footprint.whole_square()) {
-                    shine(middle, 0, 4, false, sum);
+                    shine(middle, 0, kFullView, false, sum);
                 } else {
                     KernelSum part;
-                    for (std::uint32_t k = 0; k < 4; ++k) shine(place(k), k, 1, false, &part);
+                    for (std::uint32_t k = 0; k < 4; ++k) shine(place(k), k, kFullView / 4, false, &part);
                     part *= 0.25;
                     *sum += part;
                 }
@@ -292,7 +298,7 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
         // these, edges would lose the light of luxels hardly lit. A large or near emitter is many lights: fewer
         // places, more points on it from each.
         const bool near = ref.is_emitter && !emitters_.is_far(ref.light, middle.position, middle.normal);
-        const std::uint32_t places = near ? std::min<std::uint32_t>(ref.samples, 4) : ref.samples;
+        const std::uint32_t places = near ? std::min<std::uint32_t>(ref.samples, 8) : ref.samples;
         const std::uint32_t each = near ? 2 * ref.samples / places : 1;
         KernelSum part;
         for (std::uint32_t k = 0; k < places; ++k) shine(place(k), k, each, true, &part);

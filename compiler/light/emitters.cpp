@@ -72,7 +72,7 @@ double EmitterSet::form_factor(std::uint32_t index, Vec3 x, Vec3 n) const {
     double sum = 0;
     if (!(n == Vec3{}) && dot(n, e.center - x) > e.radius) {
         for (std::uint32_t i = 0; i < e.edge_count; ++i)
-            sum += lambert_edge(x, n, edges[e.first_edge + i][0], edges[e.first_edge + i][1]);
+            sum += dot(n, lambert_edge(x, edges[e.first_edge + i][0], edges[e.first_edge + i][1]));
         return std::abs(sum) / (2 * kPi);
     }
     for (std::uint32_t t = 0; t < e.triangle_count; ++t) {

@@ -40,15 +40,18 @@ public:
     // the solid angle over pi.
     double form_factor(std::uint32_t emitter, Vec3 x, Vec3 n) const;
 
-    // Points to test for visibility. Calls visit(point on the emitter, unit direction, solid angle, irradiance):
-    // what the point stands for, per unit radiance. The irradiances of each part of the emitter add up to pi times
-    // its exact form factor, which solid angle * cosine does not; but irradiance / cosine has no bound near the
-    // horizon, so kernels that do not fall with the cosine want the solid angle. For a zero normal both are the
-    // solid angle. `samples`: at least this many points in all (power of two), indices first..first+samples of
-    // `points`, dimensions (2,3). `share_limit`: parts below this form factor are not split further.
+    // Points to test for visibility, of what lies above the horizon. Calls visit(point on the emitter, flux): unit direction
+    // times the solid angle that the point stands for.
+    //   Arrival::each    every point for itself: right on the average, whatever is done with the directions.
+    //   Arrival::whole   for all points together, in full view: shifted so that over each part of the emitter they add up to the
+    //                    exact integral of the direction. Every kernel that is linear in the direction, as the cosine to any normal that
+    //                    sees all of the part, comes out exact, others to second order of the part's size.
+    // `samples`: at least this many points in all (power of two), indices first..first+samples of `points`,
+    // dimensions (2,3). `share_limit`: parts below this form factor are not split further.
+    enum class Arrival { each, whole };
     template <class Visit>
     void sample(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples,
-                const Sobol& points, double share_limit, const Visit& visit) const;
+                const Sobol& points, double share_limit, Arrival arrival, const Visit& visit) const;
 
     // So far away and so high above the horizon of x that it need not be split.
     bool is_far(std::uint32_t emitter, Vec3 x, Vec3 n) const {
@@ -59,41 +62,33 @@ public:
     Vec3 point_on(std::uint32_t emitter, Vec2 u) const; // uniform by area
 
 private:
+    static constexpr std::uint32_t kMostPoints = 64; // of one part
     template <class Visit>
     void sample_part(const Emitter& e, std::array<Vec3, 3> part, int depth, Vec3 x, Vec3 n, std::uint32_t first,
                      double per_factor, const Sobol& points, std::uint32_t& serial, double share_limit,
-                     const Visit& visit) const;
+                     Arrival arrival, const Visit& visit) const;
+    template <class Place, class Solid, class Doubled, class Visit>
+    static void visit_points(const Emitter& e, Vec3 x, std::uint32_t count, Arrival arrival, const Place& place, const Solid& solid_angle,
+                             const Doubled& doubled_flux, const Visit& visit);
 };
 
 double triangle_form_factor(Vec3 x, Vec3 n, const std::array<Vec3, 3>& triangle);
 
 template <class Visit>
 void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples,
-                        const Sobol& points, double share_limit, const Visit& visit) const {
+                        const Sobol& points, double share_limit, Arrival arrival, const Visit& visit) const {
     const Emitter& e = emitters[index];
     if (dot(e.normal, x) - e.distance <= 0) return;
     const bool free = n == Vec3{};
     if (is_far(index, x, n)) { // one part
-        const double factor = form_factor(index, x, n);
-        if (!(factor > 0)) return;
-        double sum = 0;
-        std::array<Vec3, 64> ys;
-        std::array<double, 64> omega;
-        std::array<Vec3, 64> ways;
-        samples = std::min(samples, 64u);
-        for (std::uint32_t i = 0; i < samples; ++i) {
-            ys[i] = point_on(index, points.pair(first + i, 2));
-            const Vec3 d = ys[i] - x;
-            const double r2 = dot(d, d), r = std::sqrt(r2);
-            ways[i] = d / r;
-            omega[i] = std::max(0.0, -dot(ways[i], e.normal)) / r2;
-            sum += omega[i] * (free ? 1 : std::max(0.0, dot(ways[i], n)));
-        }
-        if (!(sum > 0)) return;
-        const double scale = factor * 3.14159265358979323846 / sum, area = e.area / samples;
-        for (std::uint32_t i = 0; i < samples; ++i)
-            if (omega[i] > 0)
-                visit(ys[i], ways[i], omega[i] * area, omega[i] * scale * (free ? 1 : dot(ways[i], n)));
+        const auto doubled = [&] {
+            Vec3 flux;
+            for (std::uint32_t i = 0; i < e.edge_count; ++i) flux += lambert_edge(x, edges[e.first_edge + i][0], edges[e.first_edge + i][1]);
+            return flux;
+        };
+        samples = std::min(samples, kMostPoints);
+        visit_points(e, x, samples, arrival, [&](std::uint32_t i) { return point_on(index, points.pair(first + i, 2)); },
+                     [&](double all) { return all * e.area / samples; }, doubled, visit);
         return;
     }
     std::uint32_t serial = 0;
@@ -111,15 +106,14 @@ void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first
         if (!free) clip_to_horizon(x, n, whole, [&](Vec3 p) { above[count++] = p; });
         for (std::size_t i = 1; i + 1 < count; ++i)
             sample_part(e, {above[0], above[i], above[i + 1]}, 0, x, n, first, per_factor, points, serial,
-                        share_limit, visit);
+                        share_limit, arrival, visit);
     }
 }
 
 template <class Visit>
 void EmitterSet::sample_part(const Emitter& e, std::array<Vec3, 3> part, int depth, Vec3 x, Vec3 n,
                              std::uint32_t first, double per_factor, const Sobol& points, std::uint32_t& serial,
-                             double share_limit, const Visit& visit) const {
-    const bool free = n == Vec3{};
+                             double share_limit, Arrival arrival, const Visit& visit) const {
     const double factor = triangle_form_factor(x, n, part);
     if (!(factor > 0)) return;
     const std::array<Vec3, 3> side{part[1] - part[0], part[2] - part[1], part[0] - part[2]};
@@ -132,36 +126,57 @@ void EmitterSet::sample_part(const Emitter& e, std::array<Vec3, 3> part, int dep
         const std::size_t i = longest, j = (i + 1) % 3, k = (i + 2) % 3;
         const Vec3 m = (part[i] + part[j]) * 0.5;
         sample_part(e, {part[i], m, part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit,
-                    visit);
+                    arrival, visit);
         sample_part(e, {m, part[j], part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit,
-                    visit);
+                    arrival, visit);
         return;
     }
     // Parts share one point set, shifted (Cranley-Patterson) by the part's number.
     const double shift_u = serial * 0.7548776662466927, shift_v = serial * 0.5698402909980532;
     ++serial;
-    double sum = 0, all = 0;
-    constexpr std::uint32_t kMost = 64;
-    const auto count = static_cast<std::uint32_t>(std::clamp(std::ceil(per_factor * factor), 1.0, 1.0 * kMost));
-    std::array<Vec3, kMost> ys, ways;
-    std::array<double, kMost> omega{};
-    for (std::uint32_t i = 0; i < count; ++i) {
+    const auto count = static_cast<std::uint32_t>(std::clamp(std::ceil(per_factor * factor), 1.0, 1.0 * kMostPoints));
+    const auto place = [&](std::uint32_t i) {
         Vec2 u = points.pair(first + i, 2);
         u = {u.x + shift_u - std::floor(u.x + shift_u), u.y + shift_v - std::floor(u.y + shift_v)};
         const double r = std::sqrt(u.x), wb = r * (1 - u.y), wc = r * u.y;
-        ys[i] = part[0] + (part[1] - part[0]) * wb + (part[2] - part[0]) * wc;
+        return part[0] + (part[1] - part[0]) * wb + (part[2] - part[0]) * wc;
+    };
+    const auto doubled = [&] {
+        Vec3 flux;
+        for (std::size_t i = 0; i < 3; ++i) flux += lambert_edge(x, part[i], part[(i + 1) % 3]);
+        return flux;
+    };
+    visit_points(e, x, count, arrival, place, [&](double) { return solid_angle(x, part[0], part[1], part[2]); }, doubled, visit);
+}
+
+// `solid_angle`: of the whole, given the sum of cosine / r^2 over the points. `doubled_flux`: twice the integral of the
+// direction, but for the sign.
+template <class Place, class Solid, class Doubled, class Visit>
+void EmitterSet::visit_points(const Emitter& e, Vec3 x, std::uint32_t count, Arrival arrival, const Place& place, const Solid& solid_angle,
+                              const Doubled& doubled_flux, const Visit& visit) {
+    std::array<Vec3, kMostPoints> ys, fluxes;
+    std::array<double, kMostPoints> solid{};
+    Vec3 sum;
+    double all = 0;
+    for (std::uint32_t i = 0; i < count; ++i) {
+        ys[i] = place(i);
         const Vec3 d = ys[i] - x;
-        const double r2 = dot(d, d);
-        ways[i] = d / std::sqrt(r2);
-        const double cosine = free ? 1 : dot(ways[i], n);
-        if (cosine > 0) omega[i] = std::max(0.0, -dot(ways[i], e.normal)) / r2;
-        sum += omega[i] * std::max(0.0, cosine), all += omega[i];
+        const double r2 = dot(d, d), r = std::sqrt(r2);
+        solid[i] = std::max(0.0, -dot(d, e.normal)) / (r2 * r);
+        fluxes[i] = d * (solid[i] / r);
+        sum += fluxes[i], all += solid[i];
     }
-    if (!(sum > 0)) return; // only by rounding: the part lies in the horizon
-    const double scale = factor * 3.14159265358979323846 / sum;
-    const double solid = free ? scale : solid_angle(x, part[0], part[1], part[2]) / all;
+    if (!(all > 0)) return; // only by rounding: it is seen edge on
+    double scale = solid_angle(all) / all;
+    Vec3 missing;
+    if (arrival == Arrival::whole) {
+        Vec3 exact = doubled_flux() * 0.5;
+        if (dot(exact, e.normal) > 0) exact = -exact; // it is seen from in front
+        scale = length(exact) / length(sum);
+        missing = (exact - sum * scale) / all;
+    }
     for (std::uint32_t i = 0; i < count; ++i)
-        if (omega[i] > 0) visit(ys[i], ways[i], omega[i] * solid, omega[i] * scale * (free ? 1 : dot(ways[i], n)));
+        if (solid[i] > 0) visit(ys[i], fluxes[i] * scale + missing * solid[i]);
 }
 
 // What one light entity sends to x: `weight` is irradiance on a plane facing `direction`. False: nothing.

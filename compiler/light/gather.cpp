@@ -154,7 +154,7 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
 
 LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
                          std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
-                         const ReflectedLight* coarse, Rgbd* coarse_flat) const {
+                         const ReflectedLight* coarse, KernelSum* coarse_sum) const {
     LuxelGather out;
     const Luxel& luxel = surfaces_.luxels[l];
     const Footprint footprint = footprint_of_luxel(l);
@@ -204,7 +204,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     std::array<double, 4> unit{};
     Rgbd cross_sum;
     double unit_square = 0;
-    std::array<Rgbd, 4> quarter{};
+    std::array<KernelSum, 4> quarter{};
     for (std::uint32_t i = 0; i < rays; ++i) {
         const std::array<double, 4> k = kernel.values(directions[i]);
         Rgbd radiance;
@@ -222,21 +222,16 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
                 emitted = emitters_.emitters[emitter].radiance;
             radiance += emitted;
             if (coarse)
-                *coarse_flat += (reflected_at(*found[i], directions[i], same, *coarse, 0) + emitted) *
-                                (weights[i] * k[0] / rays);
+                kernel.add(*coarse_sum, k, (reflected_at(*found[i], directions[i], same, *coarse, 0) + emitted) * (weights[i] / rays));
         }
         const double w = weights[i];
-        const Rgbd flat = radiance * (w * k[0]);
-        out.sum.flat += flat;
-        quarter[i * 4 / rays] += flat;
-        unit[0] += w * k[0];
+        kernel.add(quarter[i * 4 / rays], k, radiance * w);
+        for (std::size_t j = 0; j < 4; ++j) unit[j] += w * k[j];
         unit_square += w * k[0] * w * k[0];
-        cross_sum += flat * (w * k[0]);
-        if (kernel.cone)
-            for (std::size_t j = 0; j < 3; ++j)
-                out.sum.rnm[j] += radiance * (w * k[j + 1]), unit[j + 1] += w * k[j + 1];
+        cross_sum += radiance * (w * k[0] * w * k[0]);
     }
     const double n = rays;
+    for (const KernelSum& q : quarter) out.sum += q;
     out.sum *= 1 / n;
     for (double& u : unit) u /= n;
     // Control variate: E = mean(L w) - beta (mean(w) - pi), beta by regression. Where all radiance is alike the
@@ -248,15 +243,23 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         out.sum.flat -= beta * (unit[0] - exact[0]);
         if (kernel.cone)
             for (std::size_t j = 0; j < 3; ++j) out.sum.rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
-        if (coarse) *coarse_flat -= beta * (unit[0] - exact[0]);
+        if (coarse) {
+            coarse_sum->flat -= beta * (unit[0] - exact[0]);
+            if (kernel.cone)
+                for (std::size_t j = 0; j < 3; ++j) coarse_sum->rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
+        }
         for (std::size_t c = 0; c < 3; ++c) out.sum.flat[c] = std::max(0.0, out.sum.flat[c]);
     }
-    double m = 0, square = 0;
-    for (const Rgbd& q : quarter) {
-        const double v = mean(q) * 4 / n;
-        m += v / 4, square += v * v / 4;
+    std::array<double, 4> m{}, square{};
+    for (KernelSum& q : quarter) {
+        q *= 4 / n;
+        const std::array<Rgbd, 4> shown = kernel.shown(q);
+        for (std::size_t j = 0; j < kernel.shown_count(); ++j) {
+            const double v = mean(shown[j]);
+            m[j] += v / 4, square[j] += v * v / 4;
+        }
     }
-    out.variance = std::max(0.0, square - m * m) / 3;
+    for (std::size_t j = 0; j < kernel.shown_count(); ++j) out.variance[j] = std::max(0.0, square[j] - m[j] * m[j]) / 3;
     return out;
 }
 
@@ -292,15 +295,16 @@ void Bake::share_rays(double wanted) {
 Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
     constexpr std::uint32_t kReplicates = 4;
     constexpr int kNormals = 6;
-    constexpr double kTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30
     std::vector<std::uint32_t> chosen;
     for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
         if (luxel_patch_[l] != kNoPatch && !covered_[luxel_patch_[l]] &&
             seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0)
             chosen.push_back(l);
     struct Result {
-        std::array<Rgbd, kReplicates> value, direct;
-        Rgbd fine, coarse;
+        // Along the normals of LuxelKernel::shown, direct light included.
+        std::array<std::array<Rgbd, 4>, kReplicates> value{}, direct{}, to_coarse{};
+        std::array<Rgbd, 4> mean_value{};
+        std::size_t shown = 1;
         double area = 0, representation = 0;
     };
     std::vector<Result> results(chosen.size());
@@ -315,17 +319,23 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             patch_guide(luxel_patch_[l], map, &guide);
             const Footprint footprint = footprint_of_luxel(l);
             const LuxelKernel kernel = kernel_of(l);
+            Result& result = results[i];
+            result.shown = kernel.shown_count();
+            KernelSum sum;
             for (std::uint32_t r = 0; r < kReplicates; ++r) {
                 const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
-                Rgbd coarse;
-                const LuxelGather g =
-                    gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse);
-                KernelSum direct;
+                KernelSum coarse, direct;
+                KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse).sum;
                 std::uint64_t shadow = 0;
                 direct_at(footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow);
-                results[i].value[r] = g.sum.flat + direct.flat, results[i].direct[r] = direct.flat;
-                results[i].fine += g.sum.flat / kReplicates, results[i].coarse += coarse / kReplicates;
+                fine += direct, coarse += direct;
+                result.value[r] = kernel.shown(fine), result.direct[r] = kernel.shown(direct);
+                const std::array<Rgbd, 4> other = kernel.shown(coarse);
+                for (std::size_t k = 0; k < 4; ++k) result.to_coarse[r][k] = other[k] - result.value[r][k];
+                sum += fine;
             }
+            sum *= 1.0 / kReplicates;
+            result.mean_value = kernel.shown(sum);
             results[i].area = luxel.area * luxel_area(surfaces_, luxel.face);
             if (!kernel.cone || chart.smooth || i % 4 != 0) continue;
             // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
@@ -339,7 +349,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             const std::array<Rgb, 3> stored = kernel.finish(base);
             for (int k = 0; k < kNormals; ++k) {
                 const SinCos turn = sincos_turns((k + 0.5) / kNormals);
-                const Vec3 n{kTilt * turn.cos, kTilt * turn.sin, std::sqrt(1 - kTilt * kTilt)};
+                const Vec3 n{kTypicalTilt * turn.cos, kTypicalTilt * turn.sin, std::sqrt(1 - kTypicalTilt * kTypicalTilt)};
                 const Vec3 world = kernel.frame.world(n);
                 LuxelKernel tilted;
                 tilted.frame = frame_around(world);
@@ -352,48 +362,51 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
         }
     });
     PilotResult out;
-    double area = 0;
-    Rgbd mean_value;
-    for (const Result& r : results) {
-        for (const Rgbd& v : r.value) mean_value += v * (r.area / kReplicates);
-        area += r.area;
-    }
-    if (!(area > 0)) return out;
-    mean_value = mean_value / area;
-    double noise = 0, noise2 = 0, bias = 0, bias2 = 0, direct = 0;
-    const auto spread = [](const std::array<Rgbd, kReplicates>& values, std::size_t c, double* m) {
-        double s = 0;
-        *m = 0;
-        for (const Rgbd& v : values) *m += v[c] / kReplicates;
-        for (const Rgbd& v : values) s += (v[c] - *m) * (v[c] - *m) / (kReplicates - 1);
+    const auto spread = [](const auto& values, std::size_t normal, std::size_t c) {
+        double m = 0, s = 0;
+        for (const auto& v : values) m += v[normal][c] / kReplicates;
+        for (const auto& v : values) s += (v[normal][c] - m) * (v[normal][c] - m) / (kReplicates - 1);
         return s;
     };
-    for (const Result& r : results) {
-        double variance = 0, shift = 0;
-        for (std::size_t c = 0; c < 3; ++c) {
-            double m = 0, unused = 0;
-            const double s = spread(r.value, c, &m);
-            const double scale = std::max(m, options_.error_floor * mean_value[c]);
-            if (!(scale > 0)) continue;
-            variance += s / (scale * scale) / 3;
-            direct += r.area * spread(r.direct, c, &unused) / (scale * scale) / 3;
-            // Error falls with the square of the patch size: the difference to twice the size is three times it.
-            const double d = (r.coarse[c] - r.fine[c]) / (3 * scale);
-            shift += d * d / 3;
+    double worst = -1;
+    for (std::size_t k = 0; k < 4; ++k) { // along each normal
+        double area = 0;
+        Rgbd mean_value;
+        for (const Result& r : results)
+            if (k < r.shown) mean_value += r.mean_value[k] * r.area, area += r.area;
+        if (!(area > 0)) continue;
+        mean_value = mean_value / area;
+        double noise = 0, noise2 = 0, bias = 0, bias2 = 0, direct = 0, n = 0;
+        for (const Result& r : results) {
+            if (k >= r.shown) continue;
+            double variance = 0, shift = 0;
+            for (std::size_t c = 0; c < 3; ++c) {
+                const double scale = std::max(r.mean_value[k][c], options_.error_floor * mean_value[c]);
+                if (!(scale > 0)) continue;
+                variance += spread(r.value, k, c) / (scale * scale) / 3;
+                direct += r.area * spread(r.direct, k, c) / (scale * scale) / 3;
+                // Error falls with the square of the patch size: the difference to twice the size is three times it. The
+                // noise of the difference makes its square too large by that of the mean.
+                double d = 0;
+                for (const auto& v : r.to_coarse) d += v[k][c] / kReplicates;
+                shift += (d * d - spread(r.to_coarse, k, c) / kReplicates) / (9 * scale * scale) / 3;
+            }
+            noise += variance * r.area, noise2 += variance * variance * r.area;
+            bias += shift * r.area, bias2 += shift * shift * r.area;
+            ++n;
         }
-        noise += variance * r.area, noise2 += variance * variance * r.area;
-        bias += shift * r.area, bias2 += shift * shift * r.area;
+        noise /= area, bias = std::max(0.0, bias / area), direct /= area;
+        if (noise + bias <= worst) continue;
+        worst = noise + bias;
+        out.noise = std::sqrt(noise), out.bias = std::sqrt(bias);
+        out.direct = std::sqrt(direct), out.gather = std::sqrt(std::max(0.0, noise - direct));
+        out.noise_se = std::sqrt(std::max(0.0, noise2 / area - noise * noise) / n);
+        out.bias_se = std::sqrt(std::max(0.0, bias2 / area - bias * bias) / n);
     }
-    const double n = static_cast<double>(results.size());
     double shown = 0;
     for (const Result& r : results)
         out.representation += r.representation * r.area, shown += r.representation > 0 ? r.area : 0;
     if (shown > 0) out.representation = std::sqrt(out.representation / shown);
-    noise /= area, bias /= area, direct /= area;
-    out.noise = std::sqrt(noise), out.bias = std::sqrt(bias);
-    out.direct = std::sqrt(direct), out.gather = std::sqrt(std::max(0.0, noise - direct));
-    out.noise_se = std::sqrt(std::max(0.0, noise2 / area - noise * noise) / n);
-    out.bias_se = std::sqrt(std::max(0.0, bias2 / area - bias * bias) / n);
     return out;
 }
 
@@ -431,10 +444,16 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 sum += g.sum;
                 out_.flat[texel] = static_cast<Rgb>(sum.flat);
                 out_.valid[texel] = 1;
-                const double e = mean(sum.flat), scale = std::max(e, floor_);
-                if (scale > 0)
-                    variance += g.variance / (scale * scale) / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
-                out_.texel_error[texel] = e > 0 ? static_cast<float>(std::sqrt(g.variance) / e) : 0;
+                // The worst of the normals that the light is shown along.
+                const std::array<Rgbd, 4> shown = kernel.shown(sum);
+                double relative = 0, error = 0;
+                for (std::size_t j = 0; j < kernel.shown_count(); ++j) {
+                    const double e = mean(shown[j]), scale = std::max(e, floor_);
+                    if (scale > 0) relative = std::max(relative, g.variance[j] / (scale * scale));
+                    if (e > 0) error = std::max(error, std::sqrt(g.variance[j]) / e);
+                }
+                variance += relative / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+                out_.texel_error[texel] = static_cast<float>(error);
                 if (cones_[luxel.chart.at()])
                     out_.rnm[out_.rnm_first[luxel.chart.at()] + (texel - chart.first_texel)] = kernel.finish(sum);
             }

@@ -141,6 +141,28 @@ std::array<Rgb, 3> LuxelKernel::finish(const KernelSum& sum) const {
     return out;
 }
 
+std::array<Rgbd, 4> LuxelKernel::shown(const KernelSum& sum) const {
+    std::array<Rgbd, 4> out{sum.flat};
+    if (!cone) return out;
+    std::array<Rgbd, 3> stored = sum.rnm;
+    if (encoding == RnmEncoding::sq) {
+        const std::array<Rgb, 3> finished = finish(sum);
+        for (std::size_t i = 0; i < 3; ++i) stored[i] = static_cast<Rgbd>(finished[i]);
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+        if (encoding == RnmEncoding::tilted) {
+            out[i + 1] = stored[i];
+            continue;
+        }
+        const Vec3 flat{kRnmBasis[i].x, kRnmBasis[i].y, 0};
+        const Vec3 n = flat * (kTypicalTilt / length(flat)) + Vec3{0, 0, std::sqrt(1 - kTypicalTilt * kTypicalTilt)};
+        std::array<double, 3> w{};
+        if (encoding == RnmEncoding::sq) w = sq_weights(n);
+        for (std::size_t k = 0; k < 3; ++k) out[i + 1] += stored[k] * (encoding == RnmEncoding::sq ? w[k] : dot(kRnmBasis[k], n));
+    }
+    return out;
+}
+
 Rgbd rnm_evaluate(RnmEncoding encoding, const std::array<Rgb, 3>& stored, Vec3 n) {
     Rgbd e;
     if (encoding == RnmEncoding::sq) {

@@ -68,23 +68,21 @@ struct LuxelKernel {
     std::array<double, 4> integrals() const;
     // Light from `direction` (unit): `weight` = radiance times solid angle.
     void add(KernelSum& sum, Vec3 direction, Rgbd weight) const {
-        const std::array<double, 4> k = values(direction);
+        add(sum, values(direction), weight);
+    }
+    void add(KernelSum& sum, const std::array<double, 4>& k, Rgbd weight) const { // k: its values
         sum.flat += weight * k[0];
         if (!cone) return;
         for (std::size_t i = 0; i < 3; ++i) sum.rnm[i] += weight * k[i + 1];
     }
-    // The same where the irradiance on the flat normal is known better than solid angle times cosine would say.
-    void add(KernelSum& sum, Vec3 direction, Rgbd radiance, double solid, double irradiance) const {
-        std::array<double, 4> k = values(direction);
-        sum.flat += radiance * irradiance;
-        if (!cone) return;
-        // The dot form has the flat part in it: sum of l_i / sqrt 3 must stay E(z).
-        const double shift = encoding == RnmEncoding::dot ? (irradiance - solid * k[0]) / std::sqrt(3.0) : 0;
-        for (std::size_t i = 0; i < 3; ++i) sum.rnm[i] += radiance * (k[i + 1] * solid + shift);
-    }
     // From the sums to what is stored.
     std::array<Rgb, 3> finish(const KernelSum& sum) const;
+    // What is seen of it, to measure errors by: along the shading normal and, where there is a cone, along three tilted
+    // normals: the basis vectors where their irradiance is stored, else those on their azimuths that lean by kTypicalTilt.
+    std::array<Rgbd, 4> shown(const KernelSum& sum) const;
+    std::size_t shown_count() const { return cone ? 4 : 1; }
 };
+constexpr double kTypicalTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30
 
 // E~ of stored values for a local normal (unit): the run-time formulas.
 Rgbd rnm_evaluate(RnmEncoding encoding, const std::array<Rgb, 3>& stored, Vec3 local_normal);

@@ -5,11 +5,11 @@
 
 namespace kiln {
 
-double lambert_edge(Vec3 x, Vec3 n, Vec3 a, Vec3 b) {
+Vec3 lambert_edge(Vec3 x, Vec3 a, Vec3 b) {
     const Vec3 u = a - x, v = b - x, w = cross(u, v);
     const double s = length(w);
-    if (!(s > 0)) return 0;
-    return std::atan2(s, dot(u, v)) / s * dot(n, w);
+    if (!(s > 0)) return {};
+    return w * (std::atan2(s, dot(u, v)) / s);
 }
 
 double lambert_form_factor(Vec3 x, Vec3 n, std::span<const Vec3> convex) {
@@ -20,7 +20,7 @@ double lambert_form_factor(Vec3 x, Vec3 n, std::span<const Vec3> convex) {
     std::size_t count = 0;
     clip_to_horizon(x, n, convex, [&](Vec3 p) { out[count++] = p; });
     double sum = 0;
-    for (std::size_t i = 0; i < count; ++i) sum += lambert_edge(x, n, out[i], out[i + 1 == count ? 0 : i + 1]);
+    for (std::size_t i = 0; i < count; ++i) sum += dot(n, lambert_edge(x, out[i], out[i + 1 == count ? 0 : i + 1]));
     return std::abs(sum) / (2 * std::numbers::pi);
 }
 

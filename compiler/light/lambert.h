@@ -19,9 +19,10 @@ template <class Put> void clip_to_horizon(Vec3 x, Vec3 n, std::span<const Vec3> 
 // polygon faces. Edge angles by atan2, which stays right beyond 90 degrees where asin folds back.
 double lambert_form_factor(Vec3 x, Vec3 n, std::span<const Vec3> convex);
 
-// The part of one directed edge (a to b) in the sum: gamma * dot(n, unit normal of the triangle x a b). Over the
-// boundary of a planar region wholly above the horizon these add up to 2 pi times the form factor.
-double lambert_edge(Vec3 x, Vec3 n, Vec3 a, Vec3 b);
+// The part of one directed edge (a to b) in Lambert's sum: its angle at x times the unit normal of the triangle x a b.
+// Over the boundary of a planar region these add up, but for the sign, to twice its flux at x: the integral of the unit
+// direction over its solid angle. Wholly above the horizon of n, dot(n, flux) is pi times the form factor.
+Vec3 lambert_edge(Vec3 x, Vec3 a, Vec3 b);
 
 // Solid angle of a triangle (A. van Oosterom and J. Strackee 1983).
 double solid_angle(Vec3 x, Vec3 a, Vec3 b, Vec3 c);
