@@ -7,7 +7,7 @@
 #include "formats/vmf/vmf.h"
 #include "libs/core/file.h"
 #include "libs/core/process.h"
-#include "tools/geometry_bench/chart.h"
+#include "tools/chart/chart.h"
 #include "tools/geometry_bench/soups.h"
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -182,7 +182,7 @@ int run(int argc, char** argv) {
         if (const auto written = write_file(path, text); !written) throw std::runtime_error(to_text(written.fault().diagnostic));
     };
     write(csv_path, csv);
-    if (!panels.empty()) write(svg_path, draw_svg("Geometry: time against brush count", panels));
+    if (!panels.empty()) write(svg_path, draw_svg("Geometry: time against brush count", panels, true));
     return good ? 0 : 1;
 }
 
