@@ -58,19 +58,19 @@ void sweep_touching_faces(SweepReport& r, const SweepSettings& s, Context& conte
             for (std::size_t i = 0; i < got.size(); ++i) add_point(near, rival.name, rival.look, distances[i], 100 * std::abs(got[i] / exact_at(points[i]) - 1));
         }
     }
-    Panel halved{"luxels that touch the edge, patches halved", {}, {"patch and luxel, map units"}, {"worst |error|, percent", true, 1e-2, 300}, {{5, "--error 5"}}};
+    Panel halved{"the line of luxels along the edge, patches halved", {}, {"patch and luxel, map units"}, {"|mean error|, percent", true, 1e-2, 300}, {{5, "--error 5"}}};
     Panel all{"the whole floor", {}, {"patch and luxel, map units"}, {"rRMSE, percent", true, 1e-2, 300}, {{5, "--error 5"}}};
-    for (const double h : values_of(s, {64, 32, 16, 8, 4, 2}, {32, 8, 4})) {
+    for (const double h : values_of(s, {64, 32, 16, 8, 4, 2}, {32, 8})) {
         const auto map = scene(h);
         const auto floor = spots_of(map->surfaces, [](const Spot& p) { return p.normal.z > 0.5; });
         std::vector<double> truth;
         for (const Spot& p : floor) truth.push_back(mean_over(map->surfaces, p, 16, exact_at));
         const auto put = [&](const std::string& name, std::size_t look, const std::vector<double>& got) {
             if (got.empty()) return;
-            double worst = 0;
+            double sum = 0, exact = 0;
             for (std::size_t i = 0; i < floor.size(); ++i)
-                if (floor[i].point.x < h) worst = std::max(worst, 100 * std::abs(got[i] / truth[i] - 1));
-            add_point(halved, name, look, h, worst);
+                if (floor[i].point.x < h) sum += got[i], exact += truth[i];
+            add_point(halved, name, look, h, 100 * std::abs(sum / exact - 1));
             add_point(all, name, look, h, rrmse(got, truth, floor));
         };
         put("kiln", 0, irradiance_of(map->surfaces, baked(*map, sun, {.error_percent = 5}, context), floor));

@@ -130,39 +130,42 @@ void sweep_probes(SweepReport& r, const SweepSettings& s, Context& context) {
     };
     const auto nearest = [](const std::vector<Vec3>& probes, const Face& f) { // in front of the face, by distance; else the nearest
         std::size_t best = probes.size();
-        for (const bool front : {true, false})
-            for (std::size_t k = 0; k < probes.size() && (best == probes.size() || front || false); ++k) {
-                if (front && dot(f.normal, probes[k]) <= f.distance) continue;
+        for (const bool only_in_front : {true, false})
+            for (std::size_t k = 0; k < probes.size() && (only_in_front || best == probes.size()); ++k) {
+                if (only_in_front && dot(f.normal, probes[k]) <= f.distance) continue;
                 if (best == probes.size() || length(probes[k] - f.bounds.center()) < length(probes[best] - f.bounds.center())) best = k;
             }
         return best;
     };
     for (const double t : values_of(s, {64, 16, 4, 1, 0.25, 0.0625}, {16, 0.0625})) {
         {
-            constexpr int kClosets = 5;
-            constexpr double kWide = 96;
+            // Wide and narrow ones in turn: a wide one's probe stands in a corner, further from most of its faces than the narrow
+            // neighbour's, which stands at the wall between them.
             MapText map;
             map.luxel = 32;
             const std::string grey = map.material("grey", 0.5, 0.1);
-            const double pitch = kWide + t, end = kClosets * pitch - t;
-            map.room({0, 0, 0}, {end, 128, 96}, grey);
+            std::vector<double> begins;
             std::vector<Vec3> at;
-            for (int k = 0; k < kClosets; ++k) {
-                const double x0 = k * pitch;
-                if (k) map.box({x0 - t, 0, 0}, {x0, 128, 96}, grey);
-                at.push_back({x0 + (k % 2 ? 4 : kWide - 4), 64, 48}); // neighbours' probes stand back to back
-                map.entity("info_player_start", {x0 + 48, 32, 16}), map.entity("env_cubemap", at.back(), {{"cubemapsize", "3"}});
+            double end = 0;
+            for (int k = 0; k < 6; ++k) {
+                const double wide = k % 2 ? 48 : 192;
+                if (k) map.box({end - t, 0, 0}, {end, 128, 96}, grey);
+                begins.push_back(end);
+                at.push_back(k % 2 ? Vec3{end + 4, 64, 16} : Vec3{end + 8, 8, 88});
+                map.entity("info_player_start", {end + 24, 32, 16}), map.entity("env_cubemap", at.back(), {{"cubemapsize", "3"}});
+                end += wide + t;
             }
+            map.room({0, 0, 0}, {end - t, 128, 96}, grey);
             const auto c = built(map, context);
             const Lighting l = baked(*c, kNoLights, {.error_percent = 20}, context);
             const LightField field(c->world, c->bsp, c->bsp.planes, c->surfaces, kNoLights, l);
             const Probes probes = probes_of(*c, field);
-            const auto closet_of = [&](Vec3 p) { return static_cast<int>(std::floor((p.x + t / 2) / pitch)); };
+            const auto closet_of = [&](Vec3 p) { return std::ranges::upper_bound(begins, p.x + t / 2) - begins.begin(); };
             double wrong = 0, wrong_nearest = 0, faces = 0;
             for (std::size_t f = 0; f < c->surfaces.faces.size(); ++f) {
                 const Face& face = c->surfaces.faces[f];
-                if (!face.drawn || face.bounds.size().x > pitch) continue; // none reaches over a wall
-                const int own = closet_of(face.bounds.center() + face.normal * (t / 4));
+                if (!face.drawn) continue;
+                const auto own = closet_of(face.bounds.center() + face.normal * (t / 4));
                 ++faces;
                 const std::uint32_t p = probes.face_probe[f];
                 wrong += p == UINT32_MAX || closet_of(probes.probes[p].position) != own;
@@ -180,7 +183,7 @@ void sweep_probes(SweepReport& r, const SweepSettings& s, Context& context) {
             const double x = 384;
             map.box({0, 0, 0}, {x, 208, 96}, grey), map.box({0, 304, 0}, {x, 512, 96}, grey);
             map.box({x + 16, 160, 0}, {512, 160 + t, 96}, grey); // a gap of 16 joins the arms
-            std::vector<Vec3> at{{64, 256, 48}, {448, 200 + t, 48}, {448, 440, 48}, {448, 150, 48}};
+            const std::vector<Vec3> at{{64, 256, 48}, {448, 164 + t, 48}, {448, 440, 48}, {400, 8, 80}};
             map.entity("info_player_start", {32, 256, 16});
             for (const Vec3 p : at) map.entity("env_cubemap", p, {{"cubemapsize", "3"}});
             const auto c = built(map, context);

@@ -1,5 +1,6 @@
 #include "tools/stability_bench/scenes.h"
 #include "libs/core/hash.h"
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -10,8 +11,12 @@ std::unique_ptr<Compiled> built(const MapText& map, Context& context, bool allow
     CompileOptions options;
     options.bsp.allow_leaks = allow_leaks;
     const auto done = compile(map.input(), options, {.store = nullptr, .last = Stage::surfaces, .stage_done = {}}, context, *c);
-    (void)context.take_diagnostics();
-    if (!done) throw std::runtime_error("a made map does not build: " + done.fault().diagnostic.message);
+    const std::vector<Diagnostic> said = context.take_diagnostics();
+    if (!done) {
+        std::string why = done.fault().diagnostic.message;
+        if (const auto first = std::ranges::find(said, Severity::error, &Diagnostic::severity); first != said.end()) why += "; " + first->message;
+        throw std::runtime_error(why);
+    }
     return c;
 }
 

@@ -17,8 +17,8 @@ void sweep_smoothing(SweepReport& r, const SweepSettings& s, Context& context); 
 // transport.cpp: bounces
 void sweep_furnaces(SweepReport& r, const SweepSettings& s, Context& context);         // F2
 void sweep_small_lamp(SweepReport& r, const SweepSettings& s, Context& context);       // F7
-// Irradiance along the wall of a circular tube of diameter 1, x from an end of exitance 1; the other end is black.
-double tube_irradiance(double length, double albedo, double x);
+// Irradiance along the wall of a circular tube of diameter 1, at x from an end of exitance 1; the other end is black.
+std::vector<double> tube_irradiance(double length, double albedo, std::span<const double> x);
 void sweep_corridor(SweepReport& r, const SweepSettings& s, Context& context);         // F11
 void sweep_settings(SweepReport& r, const SweepSettings& s, Context& context);         // F12
 // walls.cpp: what must stay dark

@@ -182,7 +182,12 @@ private:
 
 } // namespace
 
-double tube_irradiance(double length, double albedo, double x) { return Tube(length, albedo, 1.0 / 64).at(x); }
+std::vector<double> tube_irradiance(double length, double albedo, std::span<const double> x) {
+    const Tube tube(length, albedo, 1.0 / 64);
+    std::vector<double> out;
+    for (const double at : x) out.push_back(tube.at(at));
+    return out;
+}
 
 void sweep_corridor(SweepReport& r, const SweepSettings& s, Context& context) {
     constexpr double kDiameter = 64, kLongest = 100;
