@@ -69,7 +69,7 @@ Fit fit_power(std::span<const double> x, std::span<const double> y) {
 
 namespace {
 
-constexpr double kWidth = 520, kHeight = 430, kLeft = 62, kRight = 16, kTop = 40, kBottom = 48; // of a panel, pixels
+constexpr double kWidth = 740, kHeight = 430, kLeft = 62, kRight = 270, kTop = 40, kBottom = 48; // of a panel, pixels
 
 // One axis of one panel: from values to 0..1.
 class Scale {
@@ -186,8 +186,8 @@ std::string draw_svg(const std::string& title, const std::vector<Panel>& panels,
             const Series& s = panel.series[k];
             const double ly = oy + 18 + 16 * static_cast<double>(k);
             const std::string name = s.join == Join::fit && s.x.size() > 1 ? fmt::format("{}: exponent {:.2f}", s.name, fit_power(s.x, s.y).exponent) : s.name;
-            svg += mark(s.look == SIZE_MAX ? k : s.look, ox + 14, ly - 4);
-            put("<text x='{:.1f}' y='{:.1f}' stroke='white' stroke-width='3' paint-order='stroke'>{}</text>\n", ox + 26, ly, escaped(name));
+            svg += mark(s.look == SIZE_MAX ? k : s.look, ox + w + 14, ly - 4);
+            put("<text x='{:.1f}' y='{:.1f}' font-size='11'>{}</text>\n", ox + w + 26, ly, escaped(name));
         }
     }
     return svg + "</svg>\n";

@@ -48,6 +48,7 @@ TEST(Stability, F1NoBrightLineWhereFacesTouch) {
     for (std::size_t i = 0; i < series(r, 2, "kiln").y.size(); ++i) EXPECT_LT(series(r, 2, "kiln --error 1").y[i], series(r, 2, "kiln").y[i]);
 }
 
+// Not met in all of 30 maps: one luxel of them is off by 11 % (STABILITY.md). In these three all are within.
 TEST(Stability, F2FurnacesInRandomMapsAreEven) {
     const SweepReport r = quick("F2");
     EXPECT_LT(most(series(r, 0, "kiln")), 5); // every luxel of every map
@@ -135,6 +136,7 @@ TEST(Stability, F11LightDownACorridor) {
     for (std::size_t i = 0; i < bright.x.size(); ++i) EXPECT_LT(bright.y[i], bright.x[i] < 2.5 ? 5 : 15) << bright.x[i];
 }
 
+// Not met: the estimate covers the true error in 17 of 40 runs of the full sweep, by up to 1.6 times (STABILITY.md).
 TEST(Stability, F12ThreadsDoNotMatterAndTheEstimateIsNoDream) {
     const SweepReport r = quick("F12");
     EXPECT_EQ(most(series(r, 2, "kiln")), 0);
