@@ -281,7 +281,7 @@ void sweep_settings(SweepReport& r, const SweepSettings& s, Context& context) {
     const auto c = built(map, context);
     const std::vector<Light> none;
     const LightScene lit_scene{"two rooms", c->world, c->bsp, c->surfaces, none};
-    const auto truth = find_truth(lit_scene, {.points = s.quick ? 100u : 300u, .paths = s.quick ? 1024u : 4096u, .replicates = 8, .most_rounds = s.quick ? 1u : 8u, .noise_percent = 0.3, .cache = {}}, context);
+    const auto truth = find_truth(lit_scene, {.points = s.quick ? 60u : 300u, .paths = s.quick ? 1024u : 4096u, .replicates = 8, .most_rounds = s.quick ? 1u : 8u, .noise_percent = 0.3, .cache = {}}, context);
     if (!truth) throw std::runtime_error(truth.fault().diagnostic.message);
     Panel cover{"true error and the bake's own estimate", {}, {"--error, percent"}, {"rRMSE along the normal, percent"}, {}};
     Panel ratio{"true error over the estimate", {}, {"--error, percent"}, {"true / estimate"}, {{1, "covered below"}, {1.5, "never above"}}};
