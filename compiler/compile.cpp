@@ -170,7 +170,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     BspOptions bsp_options = options.bsp;
     bsp_options.allow_leaks = false; // is for the leak test alone
     const auto make_bsp = [&] {
-        return stages.run(Stage::bsp, 5, all(*csg, geometry, sky_key(world), bsp_options), places, out.bsp,
+        return stages.run(Stage::bsp, 6, all(*csg, geometry, sky_key(world), bsp_options), places, out.bsp,
                           [&] { return build_bsp(world, out.csg, bsp_options, context); });
     };
     auto bsp = make_bsp();
@@ -200,7 +200,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
     const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), lights_key(out.lights));
-    const auto light = stages.run(Stage::light, 2, all(lit, options.light), places, out.lighting,
+    const auto light = stages.run(Stage::light, 3, all(lit, options.light), places, out.lighting,
                                   [&] { return bake_light(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options.light, context); });
     if (!light) return light.fault();
     if (done(Stage::light)) return true;
@@ -211,12 +211,12 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
         if (!built) built = std::make_unique<LightField>(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, out.lighting);
         return *built;
     };
-    const auto ambient = stages.run(Stage::ambient, 2, all(lit, *light, options.ambient), places, out.ambient,
+    const auto ambient = stages.run(Stage::ambient, 3, all(lit, *light, options.ambient), places, out.ambient,
                                     [&] { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context); });
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;
 
-    const auto probes = stages.run(Stage::probes, 1, all(lit, *light, probe_entities_key(world, out.bsp), options.probes), all(places, entity_lines_key(world)), out.probes,
+    const auto probes = stages.run(Stage::probes, 2, all(lit, *light, probe_entities_key(world, out.bsp), options.probes), all(places, entity_lines_key(world)), out.probes,
                                    [&] { return bake_probes(world, out.bsp, out.bsp.planes, out.surfaces, field(), options.probes, context); });
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;

@@ -31,23 +31,32 @@ std::uint32_t size_of(const World& world, EntityId e, const ProbesOptions& optio
     return n == 0 ? standard : 1u << (n - 1);
 }
 
-// Points just in front of a face: the middles of its largest triangles.
+// Points just in front of a face: the middles of its largest triangles, and places near the corners of the two largest, as a
+// face may see a probe from there only.
 Receiver receiver_of(const Surfaces& surfaces, const Face& face, const Bsp& bsp, const PlaneTable& planes) {
     constexpr std::size_t kPoints = 6;
+    constexpr std::size_t kWithCorners = 2;
+    constexpr double kInwards = 0.1; // from the corner to the middle
     constexpr double kInFront = 0.5; // map units: clear of the face itself and of what lies flush with it
     Receiver receiver;
     receiver.normal = face.two_sided ? Vec3{} : face.normal;
     std::vector<std::pair<double, Vec3>> middles;
+    std::vector<std::pair<double, std::array<Vec3, 3>>> triangles;
     for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t) {
         const auto& corners = surfaces.triangles[t];
         const Vec3 a = surfaces.positions[corners[0]], b = surfaces.positions[corners[1]], c = surfaces.positions[corners[2]];
         middles.emplace_back(-length(cross(b - a, c - a)), (a + b + c) / 3.0);
+        triangles.push_back({middles.back().first, {a, b, c}});
     }
-    std::stable_sort(middles.begin(), middles.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    const auto larger = [](const auto& a, const auto& b) { return a.first < b.first; };
+    std::stable_sort(middles.begin(), middles.end(), larger);
+    std::stable_sort(triangles.begin(), triangles.end(), larger);
     if (middles.size() == 2) // a rectangle: its middle says more
         receiver.points.push_back((middles[0].second + middles[1].second) * 0.5 + face.normal * kInFront);
     for (std::size_t i = 0; i < std::min(middles.size(), kPoints); ++i)
         receiver.points.push_back(middles[i].second + face.normal * kInFront);
+    for (std::size_t i = 0; i < std::min(triangles.size(), kWithCorners); ++i)
+        for (const Vec3& corner : triangles[i].second) receiver.points.push_back(corner + (middles[i].second - corner) * kInwards + face.normal * kInFront);
     for (const Vec3& p : receiver.points) {
         const LeafId leaf = leaf_at(bsp, planes, p);
         if (leaf.valid() && is_open(bsp.leaves[leaf.at()])) {

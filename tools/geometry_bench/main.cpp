@@ -7,7 +7,7 @@
 #include "formats/vmf/vmf.h"
 #include "libs/core/file.h"
 #include "libs/core/process.h"
-#include "tools/geometry_bench/chart.h"
+#include "tools/chart/chart.h"
 #include "tools/geometry_bench/soups.h"
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -154,9 +154,9 @@ int run(int argc, char** argv) {
     }
     for (std::size_t k = 0; maps.empty() && k < std::size(kSoupNames); ++k) {
         if (!kinds.empty() && std::ranges::find(kinds, kSoupNames[k]) == kinds.end()) continue;
-        Panel panel{kSoupNames[k], {}};
-        for (const char* stage : kStage) panel.series.push_back({stage, {}, {}});
-        panel.series.push_back({"all", {}, {}});
+        Panel panel{kSoupNames[k], {}, {"brushes"}, {"CPU seconds, one thread"}, {}};
+        for (const char* stage : kStage) panel.series.push_back({.name = stage, .x = {}, .y = {}, .join = Join::fit});
+        panel.series.push_back({.name = "all", .x = {}, .y = {}, .join = Join::fit});
         for (double count = least; count < most * 1.01; count *= std::sqrt(10.0)) {
             const std::string text = make_map(static_cast<Soup>(k), static_cast<std::size_t>(std::lround(count)));
             if (!write_path.empty()) {
@@ -182,7 +182,7 @@ int run(int argc, char** argv) {
         if (const auto written = write_file(path, text); !written) throw std::runtime_error(to_text(written.fault().diagnostic));
     };
     write(csv_path, csv);
-    if (!panels.empty()) write(svg_path, draw_svg("Geometry: time against brush count", panels));
+    if (!panels.empty()) write(svg_path, draw_svg("Geometry: time against brush count", panels, true));
     return good ? 0 : 1;
 }
 

@@ -190,7 +190,7 @@ int run(Options& o) {
 
 Command bench_command(CLI::App& app) {
     app.require_subcommand(1);
-    app.footer("example: kiln bench light cornell two_rooms -o build/bench_light");
+    app.footer("examples:\n  kiln bench light cornell two_rooms -o build/bench_light\n  kiln bench stability F1 F8 -o build/bench_stability");
     CLI::App* light = app.add_subcommand("light", "Light: error against CPU time, the bake beside other methods");
     light->get_formatter()->column_width(34);
     auto o = std::make_shared<Options>();
@@ -214,7 +214,8 @@ Command bench_command(CLI::App& app) {
                   "(value - truth) / max(truth, 2 % of the mean of truth), for the normal and the three basis vectors, the worst of the four.\n"
                   "The noise of the path-traced truth is taken out in quadrature. What the other methods are: compiler/light/rivals/NOTES.md\n"
                   "examples:\n  kiln bench light --root . -o build/bench_light\n  kiln bench light two_rooms --methods kiln,hemicube\n  kiln bench light --short");
-    return [o]() -> int { return run(*o); };
+    const Command stability = bench_stability_command(app);
+    return [o, light, stability]() -> int { return light->parsed() ? run(*o) : stability(); };
 }
 
 } // namespace kiln

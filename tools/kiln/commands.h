@@ -17,5 +17,6 @@ Command gather_command(CLI::App& app);
 Command reference_command(CLI::App& app);
 Command explain_command(CLI::App& app);
 Command bench_command(CLI::App& app);
+Command bench_stability_command(CLI::App& bench); // a command of bench; below 0: another one was called
 
 } // namespace kiln

@@ -1,4 +1,5 @@
 #include "tools/light_bench/light_chart.h"
+#include "tools/chart/chart.h"
 #include "tools/light_bench/sweep.h"
 #include <algorithm>
 #include <cmath>
@@ -9,46 +10,9 @@
 namespace kiln::bench {
 namespace {
 
-// Told apart by those who see colours otherwise, and in grey by their marks (Okabe and Ito's palette).
-constexpr const char* kColours[] = {"#D55E00", "#000000", "#E69F00", "#56B4E9", "#0072B2", "#009E73", "#CC79A7"};
 constexpr double kWidth = 980, kHeight = 560, kLeft = 64, kRight = 300, kTop = 48, kBottom = 52;
 constexpr double kMostError = 300; // percent; worse is drawn at the rim
 
-std::string mark(std::size_t kind, double x, double y, const char* colour, bool hollow, double opacity) {
-    const std::string style = hollow ? fmt::format("fill='white' stroke='{}' stroke-width='1.4'", colour) : fmt::format("fill='{}' fill-opacity='{:g}'", colour, opacity);
-    switch (kind % 7) {
-    case 0: return fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='4.4' {}", x, y, style);
-    case 1: return fmt::format("<rect x='{:.1f}' y='{:.1f}' width='7' height='7' {}", x - 3.5, y - 3.5, style);
-    case 2: return fmt::format("<path d='M{:.1f} {:.1f}l4.4 7.4h-8.8z' {}", x, y - 4.9, style);
-    case 3: return fmt::format("<path d='M{:.1f} {:.1f}l4.4 -7.4h-8.8z' {}", x, y + 4.9, style);
-    case 4: return fmt::format("<path d='M{:.1f} {:.1f}l4.8 4.8l-4.8 4.8l-4.8-4.8z' {}", x, y - 4.8, style);
-    case 5: return fmt::format("<path d='M{:.1f} {:.1f}h3v3.2h3.2v3h-3.2v3.2h-3v-3.2h-3.2v-3h3.2z' {}", x - 1.5, y - 4.7, style);
-    default: return fmt::format("<path d='M{0:.1f} {1:.1f}l4.6 3.4l-1.8 5.4h-5.6l-1.8-5.4z' {2}", x, y - 4.6, style);
-    }
-}
-
-std::string escaped(std::string_view text) {
-    std::string out;
-    for (const char c : text) {
-        switch (c) {
-        case '<': out += "&lt;"; break;
-        case '>': out += "&gt;"; break;
-        case '&': out += "&amp;"; break;
-        case '\'': out += "&#39;"; break;
-        default: out += c;
-        }
-    }
-    return out;
-}
-
-std::vector<double> ticks(double lo, double hi) { // 1, 2, 5 in every decade; only tenfold ones where there are many
-    std::vector<double> out;
-    const bool many = hi / lo > 3000;
-    for (int e = static_cast<int>(std::floor(std::log10(lo))); e <= std::log10(hi); ++e)
-        for (const double k : {1.0, 2.0, 5.0})
-            if (const double x = k * std::pow(10, e); x >= lo * 0.999 && x <= hi * 1.001 && (k == 1 || !many)) out.push_back(x);
-    return out;
-}
 std::string count(double x) { return x >= 1e9 ? fmt::format("{:.1f} G", x * 1e-9) : x >= 1e7 ? fmt::format("{:.0f} M", x * 1e-6) : fmt::format("{:.2g} M", x * 1e-6); }
 std::string range(double lo, double hi, const std::string& a, const std::string& b) { return lo == hi || a == b ? a : a + " to " + b; }
 
@@ -108,9 +72,9 @@ std::string light_svg(const std::string& scene, std::span<const Measurement> all
     put("<text x='{:g}' y='20' font-size='16'>{}</text>\n", kLeft, escaped(scene));
     if (!shown.empty())
         put("<text x='{:g}' y='38' fill='#555'>{} luxels, flat and three directions; truth: {:.2g} % noise in its worst direction</text>\n", kLeft, shown.front().luxels, noise);
-    for (const double x : ticks(x_lo, x_hi))
+    for (const double x : log_ticks(x_lo, x_hi))
         put("<path d='M{0:.1f} {1:.1f}V{2:.1f}' stroke='#e4e4e4'/><text x='{0:.1f}' y='{3:.1f}' text-anchor='middle'>{4:g}</text>\n", at_x(x), kTop, kTop + h, kTop + h + 16, x);
-    for (const double y : ticks(y_lo, y_hi))
+    for (const double y : log_ticks(y_lo, y_hi))
         put("<path d='M{0:.1f} {1:.1f}H{2:.1f}' stroke='#e4e4e4'/><text x='{3:.1f}' y='{4:.1f}' text-anchor='end'>{5:g} %</text>\n", kLeft, at_y(y), kLeft + w, kLeft - 6, at_y(y) + 4, y);
     // Slope -1/2: error times the root of time stays the same.
     put("<g clip-path='url(#plot-{})'>\n", escaped(scene));
@@ -130,7 +94,7 @@ std::string light_svg(const std::string& scene, std::span<const Measurement> all
         std::vector<const Measurement*> line;
         for (const Measurement& m : shown)
             if (m.method == methods[k]) line.push_back(&m);
-        const char* colour = kColours[look(k) % std::size(kColours)];
+        const char* colour = colour_of(look(k));
         std::string path;
         for (const Measurement* m : line) path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", at_x(m->cpu_s), at_y(clamped(m->errors.worst)));
         if (line.size() > 1) put("<path d='{}' stroke='{}' stroke-width='{}' stroke-opacity='0.8' fill='none'/>\n", path, colour, look(k) ? "1.1" : "2");
@@ -139,11 +103,11 @@ std::string light_svg(const std::string& scene, std::span<const Measurement> all
             if (m->estimate > 0) {
                 const double e = at_y(clamped(m->estimate));
                 put("<path d='M{0:.1f} {1:.1f}V{2:.1f}' stroke='{3}' stroke-width='0.8'/>", x, y, e, colour);
-                svg += mark(look(k), x, e, colour, true, 1) + fmt::format("><title>own estimate {:.2f} %</title>{}\n", m->estimate, look(k) % 7 == 0 ? "</circle>" : look(k) % 7 == 1 ? "</rect>" : "</path>");
+                svg += mark(look(k), x, e, {.hollow = true, .title = fmt::format("own estimate {:.2f} %", m->estimate)});
             }
-            svg += mark(look(k), x, y, colour, false, m->errors.at_noise() ? 0.35 : 1);
-            svg += fmt::format("><title>{} {}: {:.3g} CPU s, {:.3g} %, {} rays, {:.0f} MB</title>{}\n", escaped(m->method), escaped(m->setting), m->cpu_s, m->errors.worst, count(m->rays), m->peak_mb,
-                               look(k) % 7 == 0 ? "</circle>" : look(k) % 7 == 1 ? "</rect>" : "</path>");
+            svg += mark(look(k), x, y,
+                        {.opacity = m->errors.at_noise() ? 0.35 : 1,
+                         .title = fmt::format("{} {}: {:.3g} CPU s, {:.3g} %, {} rays, {:.0f} MB", m->method, m->setting, m->cpu_s, m->errors.worst, count(m->rays), m->peak_mb)});
         }
     }
     for (std::size_t k = 0; k < methods.size(); ++k) {
@@ -151,7 +115,7 @@ std::string light_svg(const std::string& scene, std::span<const Measurement> all
         std::size_t points = 0;
         for (const Measurement& m : shown)
             if (m.method == methods[k]) rays_lo = std::min(rays_lo, m.rays), rays_hi = std::max(rays_hi, m.rays), mb_lo = std::min(mb_lo, m.peak_mb), mb_hi = std::max(mb_hi, m.peak_mb), ++points;
-        svg += mark(look(k), column, legend - 4, kColours[look(k) % std::size(kColours)], false, 1) + "/>";
+        svg += mark(look(k), column, legend - 4);
         put("<text x='{:.1f}' y='{:.1f}' font-weight='{}'>{}</text>\n", column + 14, legend, look(k) ? "normal" : "bold", escaped(methods[k]));
         if (points)
             put("<text x='{:.1f}' y='{:.1f}' font-size='11' fill='#555'>{} rays, {} MB</text>\n", column + 14, legend + 15, range(rays_lo, rays_hi, count(rays_lo), count(rays_hi)),
