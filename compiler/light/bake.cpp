@@ -21,7 +21,7 @@ Quality Quality::of(const LightOptions& options) {
     q.patch_size = 40 * std::sqrt(e / 5);
     q.promotion = 0.001 * e;
     q.light_cutoff = 0.001 * e;
-    q.direct_samples = e <= 1.5 ? 128 : e <= 2.5 ? 64 : e <= 6 ? 32 : 16;
+    q.direct_samples = e <= 1.5 ? 128 : e <= 2.5 ? 64 : e <= 6 ? 32 : e <= 12 ? 16 : 8;
     q.row_rays = e <= 1 ? 1024 : e <= 6 ? 512 : 256; // they are the guides of the gather as well
     q.iteration = std::min(1e-3, e * 1e-4);
     q.first_rays = e >= 10 ? 32 : 64;

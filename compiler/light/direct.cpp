@@ -298,7 +298,7 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
         // these, edges would lose the light of luxels hardly lit. A large or near emitter is many lights: fewer
         // places, more points on it from each.
         const bool near = ref.is_emitter && !emitters_.is_far(ref.light, middle.position, middle.normal);
-        const std::uint32_t places = near ? std::min<std::uint32_t>(ref.samples, 8) : ref.samples;
+        const std::uint32_t places = near ? std::clamp<std::uint32_t>(ref.samples / 8, 4, 8) : ref.samples;
         const std::uint32_t each = near ? 2 * ref.samples / places : 1;
         KernelSum part;
         for (std::uint32_t k = 0; k < places; ++k) shine(place(k), k, each, true, &part);

@@ -187,20 +187,6 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
         values.push_back(e);
     }
     m.errors = compare(truth, values);
-    if (std::getenv("KD")) {
-        std::array<double,4> level{};
-        for (std::size_t i=0;i<values.size();++i) for (int d=0;d<4;++d) level[d]+=mean(truth.value[i][d])/values.size();
-        std::vector<std::pair<double,std::string>> bad;
-        for (std::size_t i=0;i<values.size();++i) for (int d=0;d<4;++d) {
-            double t=mean(truth.value[i][d]), f=std::max(t,0.02*level[d]);
-            const Luxel& lx = in.surfaces.luxels[truth.luxels[i]];
-            Vec3 w = world_from_luxel(in.surfaces, lx.face, centroid_of(in.surfaces, lx));
-            Vec3 n = in.surfaces.charts[lx.chart.at()].n;
-            bad.push_back({std::abs(mean(values[i][d])-t)/f*100, fmt::format("d{} got {:.4g} truth {:.4g} +-{:.2g} at {:.1f} {:.1f} {:.1f} n {:.0f} {:.0f} {:.0f}", d, mean(values[i][d]), t, mean(truth.error[i][d]), w.x,w.y,w.z,n.x,n.y,n.z)});
-        }
-        std::sort(bad.rbegin(), bad.rend());
-        double all=0; for (auto& b: bad) all+=b.first*b.first; double run=0;
-        for (int k=0;k<40&&k<(int)bad.size();++k) { run+=bad[k].first*bad[k].first; fmt::print("{:.2f}% cum {:.2f} {}\n", bad[k].first, run/all, bad[k].second);} }
     return m;
 }
 
