@@ -4,7 +4,6 @@
 #include "tools/kiln/materials.h"
 #include <filesystem>
 #include <fmt/format.h>
-#include <map>
 #include <thread>
 
 namespace kiln {
@@ -42,7 +41,7 @@ void BakeOptions::add_to(CLI::App& command) {
         ->check(CLI::Range(0.001, 1024.0))->type_name("UNITS");
     auto* input = command.add_option_group("Input");
     input->add_option("--materials", materials, "Material files (JSON), later ones win; NAME.materials.json beside the map is read by itself")->type_name("FILE");
-    input->add_option("--textures", textures, "Folders of PNG textures named like the materials: size and mean colour are read")->type_name("DIR");
+    input->add_option("--textures", textures, "Folders of textures named like the materials: PNG (size and mean colour), VMT (with VTF: what Source says of a surface)")->type_name("DIR");
     input->add_option("--game-dir", game_dir, "A game folder: its textures/, materials/ (PNG, VMT with VTF), lights.rad and gfx/palette.lmp are read")->type_name("DIR");
     input->add_option("--wad", wads, "Texture archives (WAD2, WAD3), besides those that worldspawn's \"wad\" names: sizes and mean colours are read")->type_name("FILE");
     input->add_option("--instance-path", instance_paths, "Folders where instances and prefabs are looked for, after those of the map that names them")->type_name("DIR");
@@ -151,54 +150,6 @@ int compile_map(const BakeOptions& options, Console& console, Context& context, 
     const auto done = compile(*input, options.compile, run, context, out);
     console.print_new(context);
     return done ? 0 : console.fail(done.fault());
-}
-
-std::vector<std::string> translate_known_words(int argc, char** argv, std::vector<std::string>& notes) {
-    struct Known {
-        std::vector<std::string> ours; // in its place
-        int arguments = 0;             // that it takes along (kept) ...
-        bool drop_arguments = false;   // ... or loses
-        const char* note = nullptr;
-    };
-    static const std::map<std::string, Known> known = {
-        {"-fast", {{"--draft", "--fast-vis"}, 0, false, nullptr}},
-        {"-final", {{"--final"}, 0, false, nullptr}},
-        {"-threads", {{"--threads"}, 1, false, nullptr}},
-        {"-game", {{"--game-dir"}, 1, false, nullptr}},
-        {"-vproject", {{"--game-dir"}, 1, false, nullptr}},
-        {"-smooth", {{"--smooth"}, 1, false, nullptr}},
-        {"-lights", {{"--lights"}, 1, false, nullptr}},
-        {"-luxelscale", {{}, 1, true, "-luxelscale is not supported: use --luxel UNITS"}},
-        {"-leaktest", {{}, 0, false, "-leaktest: a leak always ends the build (see --allow-leaks)"}},
-        {"-noleaktest", {{"--allow-leaks"}, 0, false, nullptr}},
-        {"-leakdist", {{}, 1, true, "-leakdist: points of a .pts are 4 units apart"}},
-        {"-bounce", {{}, 1, true, "-bounce: all bounces are always solved"}},
-        {"-extra", {{}, 0, false, "-extra: sampling follows --error"}},
-        {"-extra4", {{}, 0, false, "-extra4: sampling follows --error"}},
-        {"-hdr", {{}, 0, false, "-hdr: light is always stored in high dynamic range"}},
-        {"-both", {{}, 0, false, "-both: light is always stored in high dynamic range"}},
-        {"-ldr", {{}, 0, false, "-ldr: light is always stored in high dynamic range"}},
-        {"-bumpall", {{"--directional", "all"}, 0, false, nullptr}},
-        {"-low", {{}, 0, false, nullptr}},
-        {"-v", {{}, 0, false, nullptr}},
-        {"-verbose", {{}, 0, false, nullptr}},
-        {"-noverbose", {{"--quiet"}, 0, false, nullptr}},
-        {"-nopercent", {{}, 0, false, nullptr}},
-        {"-nocolor", {{}, 0, false, nullptr}},
-    };
-    std::vector<std::string> words;
-    for (int i = 1; i < argc; ++i) {
-        const auto it = known.find(argv[i]);
-        if (it == known.end()) {
-            words.emplace_back(argv[i]);
-            continue;
-        }
-        words.insert(words.end(), it->second.ours.begin(), it->second.ours.end());
-        if (it->second.note) notes.emplace_back(it->second.note);
-        for (int k = 0; k < it->second.arguments && i + 1 < argc; ++k, ++i)
-            if (!it->second.drop_arguments) words.emplace_back(argv[i + 1]);
-    }
-    return words;
 }
 
 } // namespace kiln
