@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <map>
 #include <queue>
+#include <set>
 
 namespace kiln::bsp {
 namespace {
@@ -181,17 +182,23 @@ void find_area_portals(const World& world, const Csg& csg, const Tree& tree, con
             for (const BrushId b : tree.leaves[in].area_portals)
                 contacts_of[b].push_back({p, areas.of_room[room], back ? portals[p].plane : flipped(portals[p].plane), area(portals[p].winding)});
         }
-    // Another area portal that touches this one with nothing between.
-    const auto portal_beside = [&](BrushId b) -> std::optional<BrushId> {
+    // Other area portals against the side of `b` that looks away from `facing` (or any side): their names.
+    const auto portals_behind = [&](BrushId b, std::optional<PlaneId> facing) {
+        const auto has = [b](const auto& list) { return std::ranges::find(list, b) != list.end(); };
+        std::set<BrushId> found;
         for (const BspPortal& p : portals)
             for (const bool back : {false, true}) {
-                const auto& here = tree.leaves[(back ? p.leaf_back : p.leaf_front).at()].area_portals;
-                const auto& there = tree.leaves[(back ? p.leaf_front : p.leaf_back).at()].area_portals;
-                if (there.empty() || std::ranges::find(here, b) == here.end() || std::ranges::find(there, b) != there.end()) continue;
-                return there.front();
+                const auto& mine = tree.leaves[(back ? p.leaf_back : p.leaf_front).at()].area_portals;
+                const auto& others = tree.leaves[(back ? p.leaf_front : p.leaf_back).at()].area_portals;
+                if (!has(mine) || has(others)) continue;
+                if (facing && !(dot(bsp.planes.normal(back ? p.plane : flipped(p.plane)), bsp.planes.normal(*facing)) < 0)) continue;
+                found.insert(others.begin(), others.end());
             }
-        return std::nullopt;
+        std::string names;
+        for (const BrushId other : found) names += (names.empty() ? "" : ", ") + name_of_unsealing(world, other);
+        return names;
     };
+    std::size_t trails = 0;
     for (const BrushId b : brushes) {
         const BrushPolytope& brush = csg.brushes[b.at()];
         const std::vector<Contact>& contacts = contacts_of[b];
@@ -239,17 +246,18 @@ void find_area_portals(const World& world, const Csg& csg, const Tree& tree, con
                 for (const Vec3& p : out.leak)
                     if (length(p - brush.bounds.center()) > length(far - brush.bounds.center())) far = p;
                 tell("areaportal-leak", fmt::format("does not part the level: both its sides, at {} and {}, are area {}; a way of {:.0f} units leads "
-                                                    "around it through {}",
-                                                    name_place(a), name_place(z), area, path_length(out.leak), name_place(far)));
+                                                    "around it through {} (trail areaportal{})",
+                                                    name_place(a), name_place(z), area, path_length(out.leak), name_place(far), ++trails));
             } else {
-                std::string behind = "behind it is solid or the outside";
-                if (const std::optional<BrushId> next = portal_beside(b))
-                    behind = fmt::format("behind it is another area portal, brush {} (line {}); make one brush of the two", world.brushes[next->at()].id, world.location(*next).line);
-                tell("areaportal-one-side", fmt::format("is open to one side only, to area {} at {}: {}", area,
-                                                        name_place(centroid(portals[at(*first).portal].winding)), behind));
+                const std::string behind = portals_behind(b, first);
+                tell("areaportal-one-side", fmt::format("is open to one side only, to area {} at {}: behind it is {}", area,
+                                                        name_place(centroid(portals[at(*first).portal].winding)),
+                                                        behind.empty() ? "solid or the outside" : behind + "; make them one brush"));
             }
         } else {
-            tell("areaportal-closed", "touches no open space of the level: it lies in solid or outside");
+            const std::string beside = portals_behind(b, std::nullopt);
+            tell("areaportal-closed", beside.empty() ? "touches no open space of the level: it lies in solid or outside"
+                                                     : "touches no open space of the level, only " + beside + "; make them one brush");
         }
         if (first && !second) { // the brush's own face that looks the other way most
             double least = 0;

@@ -1,6 +1,7 @@
 // What lies outside: the open leaves that the void reaches.
 #include "compiler/bsp/build.h"
 #include <algorithm>
+#include <cmath>
 #include <fmt/format.h>
 
 namespace kiln::bsp {
@@ -44,6 +45,17 @@ std::vector<std::uint8_t> seep(const std::vector<BspPortal>& portals, const Flow
         }
     }
     return reached;
+}
+
+// At least how far the brush is from the convex winding; where both are axis-aligned, exactly so.
+double distance_to(const Csg& csg, const BrushPolytope& brush, std::span<const Vec3> w) {
+    double most = 0;
+    for (const PlanePolygon& f : brush.faces) {
+        double least = HUGE_VAL;
+        for (const Vec3& p : w) least = std::min(least, dot(csg.planes.normal(f.support), p) - csg.planes.distance(f.support));
+        most = std::max(most, least);
+    }
+    return most;
 }
 
 } // namespace
@@ -101,15 +113,20 @@ void report_gaps(const World& world, const Csg& csg, const Tree& tree, const std
         const double wide = std::min({width(flow.doors[thin[i]].winding), tree.leaves[p.leaf_front.at()].thickness,
                                       tree.leaves[p.leaf_back.at()].thickness});
         std::vector<BrushId> near = brushes_near(world, csg, p.winding, 4);
-        if (parts_areas(p)) { // the one that wants to be moved
-            const Box3 around = box_of(p.winding, 4);
-            for (std::size_t b = 0; b < world.brushes.size(); ++b)
-                if (world.brushes[b].contents == Contents::area_portal && csg.brushes[b].valid && overlap(csg.brushes[b].bounds, around)) near.insert(near.begin(), id<BrushId>(b));
-        }
+        // The area portal that stops short: the one brush to move, where there is one.
+        const auto beside = [&](std::size_t b) {
+            if (!csg.brushes[b].valid || world.brushes[b].model.value != 0 || world.brushes[b].contents != Contents::area_portal) return false;
+            for (std::size_t k = i; k < thin.size(); ++k)
+                if (gap_of[k] == gap_of[i] && parts_areas(portals[thin[k]]) && distance_to(csg, csg.brushes[b], portals[thin[k]].winding) <= flow.micro_gap) return true;
+            return false;
+        };
+        std::string portal;
+        for (std::size_t b = 0; parts_areas(p) && portal.empty() && b < world.brushes.size(); ++b)
+            if (beside(b)) portal = " beside the " + name_of_unsealing(world, id<BrushId>(b)), near.insert(near.begin(), id<BrushId>(b));
         constexpr double kDrawn = 1.0 / 64; // map units: planes that miss each other by less are a rounding of the editor, nothing to mend
         context.report(wide < kDrawn ? Severity::note : Severity::warning, "micro-gap",
-                       fmt::format("a gap {:.4g} units wide at {}{} is taken as closed; brushes around it: {}", wide,
-                                   name_place(centroid(p.winding)),
+                       fmt::format("a gap {:.4g} units wide at {}{}{} is taken as closed; brushes around it: {}", wide,
+                                   name_place(centroid(p.winding)), portal,
                                    parts_areas(p) ? fmt::format(" between areas {} and {}", areas_of(p).first, areas_of(p).second) : "",
                                    name_brushes(world, near)),
                        near.empty() ? SourceLocation{.file = world.file} : world.location(near.front()));

@@ -27,7 +27,7 @@ public:
             for (const DocBrush& b : e.brushes) {
                 SourceLocation at = where;
                 at.brush = b.id, at.line = b.line;
-                if (d.format != MapFormat::vmf) brushes.expect(ordinals.insert(b.id).second, [&] { return Finding{at, "another brush of the entity has the same number"}; });
+                if (d.format != MapFormat::vmf && b.file == 0) brushes.expect(ordinals.insert(b.id).second, [&] { return Finding{at, "another brush of the entity has the same number"}; });
                 brushes.expect(!b.sides.empty(), [&] { return Finding{at, "a brush without sides"}; });
                 brushes.expect(b.line > 0, [&] { return Finding{at, "a brush without a line"}; });
                 for (const DocSide& s : b.sides) {

@@ -6,7 +6,6 @@
 #include <cctype>
 #include <filesystem>
 #include <fmt/format.h>
-#include <map>
 #include <thread>
 
 namespace kiln {
@@ -44,7 +43,7 @@ void BakeOptions::add_to(CLI::App& command) {
         ->check(CLI::Range(0.001, 1024.0))->type_name("UNITS");
     auto* input = command.add_option_group("Input");
     input->add_option("--materials", materials, "Material files (JSON), later ones win; NAME.materials.json beside the map is read by itself")->type_name("FILE");
-    input->add_option("--textures", textures, "Folders of PNG textures named like the materials: size and mean colour are read")->type_name("DIR");
+    input->add_option("--textures", textures, "Folders of textures named like the materials: PNG (size and mean colour), VMT (with VTF: what Source says of a surface)")->type_name("DIR");
     input->add_option("--game-dir", game_dir, "A game folder: its textures/, materials/ (PNG, VMT with VTF), lights.rad and gfx/palette.lmp are read")->type_name("DIR");
     input->add_option("--wad", wads, "Texture archives (WAD2, WAD3), besides those that worldspawn's \"wad\" names: sizes and mean colours are read")->type_name("FILE");
     input->add_option("--instance-path", instance_paths, "Folders where instances and prefabs are looked for, after those of the map that names them")->type_name("DIR");
@@ -153,94 +152,6 @@ int compile_map(const BakeOptions& options, Console& console, Context& context, 
     const auto done = compile(*input, options.compile, run, context, out);
     console.print_new(context);
     return done ? 0 : console.fail(done.fault());
-}
-
-std::vector<std::string> translate_known_words(int argc, char** argv, std::vector<std::string>& notes) {
-    struct Known {
-        std::vector<std::string> ours; // in its place
-        int arguments = 0;             // that it takes along (kept) ...
-        bool drop_arguments = false;   // ... or loses
-        const char* note = nullptr;
-    };
-    static const std::map<std::string, Known> known = {
-        {"-fast", {{"--draft", "--fast-vis"}, 0, false, nullptr}},
-        {"-final", {{"--final"}, 0, false, nullptr}},
-        {"-threads", {{"--threads"}, 1, false, nullptr}},
-        {"-game", {{"--game-dir"}, 1, false, nullptr}},
-        {"-vproject", {{"--game-dir"}, 1, false, nullptr}},
-        {"-smooth", {{"--smooth"}, 1, false, nullptr}},
-        {"-lights", {{"--lights"}, 1, false, nullptr}},
-        {"-luxelscale", {{}, 1, true, "-luxelscale is not supported: use --luxel UNITS"}},
-        {"-leaktest", {{}, 0, false, "-leaktest: a leak always ends the build (see --allow-leaks)"}},
-        {"-noleaktest", {{"--allow-leaks"}, 0, false, nullptr}},
-        {"-leakdist", {{}, 1, true, "-leakdist: points of a .pts are 4 units apart"}},
-        {"-bounce", {{}, 1, true, "-bounce: all bounces are always solved"}},
-        {"-extra", {{}, 0, false, "-extra: sampling follows --error"}},
-        {"-extra4", {{}, 0, false, "-extra4: sampling follows --error"}},
-        {"-hdr", {{}, 0, false, "-hdr: light is always stored in high dynamic range"}},
-        {"-both", {{}, 0, false, "-both: light is always stored in high dynamic range"}},
-        {"-ldr", {{}, 0, false, "-ldr: light is always stored in high dynamic range"}},
-        {"-bumpall", {{"--directional", "all"}, 0, false, nullptr}},
-        {"-low", {{}, 0, false, nullptr}},
-        {"-v", {{}, 0, false, nullptr}},
-        {"-verbose", {{}, 0, false, nullptr}},
-        {"-noverbose", {{"--quiet"}, 0, false, nullptr}},
-        {"-nopercent", {{}, 0, false, nullptr}},
-        {"-nocolor", {{}, 0, false, nullptr}},
-    };
-    // Words without a counterpart: what they would do is always done, never, or elsewhere. They go, with a note.
-    struct Gone {
-        const char* why;
-        int arguments; // that go along
-        std::vector<const char*> words;
-    };
-    static const std::vector<Gone> gone = {
-        {"the level is made anew each time; stages that have not changed come from --cache", 0, {"-onlyents", "-onlyprops", "-OnlyStaticProps", "-onlydetail", "-keepstalezip"}},
-        {"other files are not packed into a level", 1, {"-embed"}},
-        {"`kiln export` and `kiln dump` write what there is to look at", 0, {"-glview", "-objexport", "-dump", "-dumpnormals", "-dumptrace", "-dumppropmaps", "-dumpstaticprop", "-dumpcollide", "-rederrors", "-loghash", "-verboseentities", "-debugextra"}},
-        {"all contents are always built; a cordon (--cordon) leaves parts of a map out", 0, {"-nodetail", "-fulldetail", "-nowater", "-omitdetail", "-omitdetailwall", "-omitdetailillusionary", "-omitdetailfence"}},
-        {"that step is exact here and cannot be left out", 0, {"-noweld", "-nocsg", "-noshare", "-notjunc", "-noopt", "-noprune", "-nomerge", "-nomergewater", "-nosubdiv", "-snapaxial", "-forcegoodtree", "-nosort", "-nofill"}},
-        {"nothing small is dropped", 1, {"-micro", "-epsilon"}},
-        {"the tree has no block grid", 2, {"-block"}},
-        {"the tree has no block grid", 4, {"-blocks"}},
-        {"faces have no largest size", 1, {"-subdivide", "-maxNodeSize"}},
-        {"patches are as small as --error asks for", 1, {"-chop", "-maxchop", "-dispchop", "-disppatchradius", "-maxdispsamplesize", "-extrasky", "-surflight_subdivide", "-sunsamples", "-gate"}},
-        {"sampling follows --error", 0, {"-noextra", "-centersamples", "-fastambient", "-LargeDispSampleRadius", "-noskyboxrecurse", "-nodetaillight"}},
-        {"props are not read; they take the ambient cubes of where they stand", 0, {"-StaticPropLighting", "-StaticPropPolys", "-StaticPropNormals", "-nossprops", "-textureshadows"}},
-        {"the width of the sun is a key of its entity (SunSpreadAngle, _sunlight_penumbra)", 1, {"-softsun"}},
-        {"archives are named with --wad FILE, or by the map's wad key", 1, {"-wadpath"}},
-        {"maps are joined by a manifest (.vmm)", 1, {"-add"}},
-        {"there are no clip hulls", 0, {"-noclip", "-oldaxis", "-nooldaxis"}},
-        {"the level has a format of its own", 0, {"-bsp2", "-2psb", "-hexen2", "-hlbsp", "-q2bsp", "-bspx", "-lit", "-lux", "-lit2", "-xbox"}},
-        {"light is not darkened in corners beyond what is right: all bounces are solved", 0, {"-dirt"}},
-        {"what can be seen is never cut at a distance", 1, {"-radius_override", "-visdist"}},
-        {"there is no need for it here", 0, {"-StopOnExit", "-tmpout", "-tmpin", "-lightifmissing", "-novirtualmesh", "-allowdetailcracks", "-nodrawtriggers", "-forceskyvis", "-dlightmap"}},
-        {"there is no need for it here", 1, {"-dxlevel", "-minluxelscale", "-luxeldensity", "-insert_search_path"}},
-    };
-    std::vector<std::string> words;
-    for (int i = 1; i < argc; ++i) {
-        const std::string_view word = argv[i];
-        const auto it = known.find(argv[i]);
-        if (it == known.end()) {
-            const auto found = std::ranges::find_if(gone, [&](const Gone& g) {
-                return std::ranges::any_of(g.words, [&](const char* w) { return equal_ignoring_case(word, w); });
-            });
-            if (found != gone.end()) {
-                notes.push_back(fmt::format("{}: {}", word, found->why));
-                for (int k = 0; k < found->arguments && i + 1 < argc && !(argv[i + 1][0] == '-' && std::isalpha(static_cast<unsigned char>(argv[i + 1][1]))); ++k) ++i;
-                continue;
-            }
-            // "-onlyfoo" is a word that is not known, and not a file "nlyfoo" to write.
-            const bool glued = word.starts_with("-o") && word.size() > 2 && word[2] != '=';
-            words.push_back(glued ? fmt::format("-{}", word) : std::string(word));
-            continue;
-        }
-        words.insert(words.end(), it->second.ours.begin(), it->second.ours.end());
-        if (it->second.note) notes.emplace_back(it->second.note);
-        for (int k = 0; k < it->second.arguments && i + 1 < argc; ++k, ++i)
-            if (!it->second.drop_arguments) words.emplace_back(argv[i + 1]);
-    }
-    return words;
 }
 
 } // namespace kiln

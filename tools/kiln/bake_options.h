@@ -30,9 +30,6 @@ Result<CompileInput> read_input(const BakeOptions& options, Context& context);
 // Compiles up to `last`, printing as it goes. The exit code is 0 or that of the fault (already printed).
 int compile_map(const BakeOptions& options, Console& console, Context& context, Stage last, Compiled& out);
 
-// Command line words that users of vbsp, vvis, vrad, qbsp, vis and light know, to ours.
-std::vector<std::string> translate_known_words(int argc, char** argv, std::vector<std::string>& notes);
-
 std::string stem_of(const std::string& path); // without folder's change, without extension
 
 } // namespace kiln

@@ -57,11 +57,11 @@ std::string report_json(const Compiled& c, const Console& console) {
 }
 
 // What editors load (formats/portal_file/FORMAT.md), by what follows the stem of the level's name: of the first leak nothing,
-// of further ones ".leak2" and so on, of area portals that part nothing ".areaportal1" and so on, as they are reported.
+// of further ones ".leak2" and so on, of area portals that part nothing ".areaportal1" and so on, numbered as in their warnings.
 std::map<std::string, std::span<const Vec3>> trails_of(const Compiled& c) {
     std::map<std::string, std::span<const Vec3>> trails;
     for (std::size_t i = 0; i < c.leaks.size(); ++i) trails[i == 0 ? "" : fmt::format(".leak{}", i + 1)] = c.leaks[i].path;
-    std::size_t portals = 0; // not their ids: those of a .map count within an entity, and instances repeat them
+    std::size_t portals = 0;
     for (const AreaPortal& p : c.bsp.area_portals)
         if (!p.leak.empty()) trails[fmt::format(".areaportal{}", ++portals)] = p.leak;
     return trails;
@@ -119,7 +119,7 @@ Command build_command(CLI::App& app) {
     };
     auto o = std::make_shared<Options>();
     o->bake.add_to(app);
-    app.add_option("-o,--output", o->output, "The level file (default: the map's name with .kiln); beside it are written a portal file (.prt) and leak trails (.pts, .lin; .leak2.pts and so on for further leaks, .areaportal1.pts and so on for area portals that part nothing, in the order of the warnings; an empty .pts where the world is sealed)")->type_name("FILE");
+    app.add_option("-o,--output", o->output, "The level file (default: the map's name with .kiln); beside it are written a portal file (.prt) and leak trails (.pts, .lin; .leak2.pts and so on for further leaks, .areaportal1.pts and so on for area portals that part nothing, as their warnings number them; an empty .pts where the world is sealed)")->type_name("FILE");
     app.add_option("--report", o->report, "Write stages, counts, error, leaks and diagnostics as JSON")->type_name("FILE");
     app.add_option("--stop-after", o->stop_after, "Stop after this stage; no level is written")
         ->check(CLI::IsMember(std::vector<std::string>(kStageNames.begin(), kStageNames.end())))->type_name("STAGE");
@@ -128,8 +128,8 @@ Command build_command(CLI::App& app) {
     app.add_option("--require-error", o->require_error, "Exit 6 where the estimated error exceeds this, percent; the level is written all the same")->check(CLI::Range(0.0, 1000.0))->type_name("PERCENT");
     app.footer("examples:\n  kiln build maps/atrium/atrium.vmf\n  kiln build e1m1.map -o e1m1.kiln --error 2 --cache ~/.cache/kiln\n"
                "  kiln build m.vmf --stop-after bsp --report m.json\n"
-               "Words of vbsp, vvis, vrad, qbsp, vis and light (-fast, -final, -threads N, -game DIR ...) do the same here, or go with a note\n"
-               "of what takes their place.\n"
+               "Words of vbsp, vvis, vrad, qbsp, vis and light (-fast, -final, -threads N, -game DIR ...) that have an equivalent become it; of others is said\n"
+               "why they are ignored or refused: kiln explain words\n"
                "Exit codes: kiln explain");
     return [o]() -> int {
         Console console;

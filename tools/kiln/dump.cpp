@@ -274,7 +274,7 @@ Command dump_command(CLI::App& app) {
         return std::ranges::find(names, word) != names.end() ? std::string() : "no artefact " + word + "; `kiln dump --help` lists all";
     });
     o->bake.add_to(app);
-    app.get_option("map")->description("The map (.vmf, .map), or a level file");
+    app.get_option("map")->description("The map (.vmf, .vmm, .map), or a level file");
     app.add_option("-o,--output", o->output, "File (default: standard output)")->type_name("FILE");
     app.add_flag("--json", o->json, "JSON: an array, one row a line");
     app.add_option("--filter", o->filters, "Only rows with this value, as the text shows it; several: all must hold")->type_name("KEY=VALUE")->check([](const std::string& f) {

@@ -1,4 +1,5 @@
 #include "tools/kiln/commands.h"
+#include "tools/kiln/known_words.h"
 #include <fmt/format.h>
 
 namespace kiln {
@@ -27,9 +28,10 @@ constexpr Explanation kCodes[] = {
 
 Command explain_command(CLI::App& app) {
     auto code = std::make_shared<std::string>();
-    app.add_option("code", *code, "A code as it stands in brackets behind a message, or an exit code; none: list all");
-    app.footer("example: kiln explain leak");
+    app.add_option("code", *code, "A code as it stands in brackets behind a message, or an exit code; none: list all. words: those of vbsp, vvis, vrad, qbsp, vis and light, and what each is here");
+    app.footer("examples:\n  kiln explain leak\n  kiln explain words");
     return [code] {
+        if (*code == "words") return print_output(explain_words());
         std::string text;
         for (const auto& list : {std::span<const Explanation>(kCodes), std::span<const Explanation>(kExits)})
             for (const Explanation& e : list)

@@ -62,7 +62,7 @@ Result<bool> export_level(const Options& o, const ObjStage& stage, bool obj) {
 Command export_command(CLI::App& app) {
     auto o = std::make_shared<Options>();
     o->bake.add_to(app);
-    app.get_option("map")->description("The map (.vmf, .map), or a level file");
+    app.get_option("map")->description("The map (.vmf, .vmm, .map), or a level file");
     app.add_option("-o,--output", o->output, "FILE.obj (and .mtl), FILE.gltf (and .bin) or FILE.glb; lightmaps of a level as FILE.lightmapN.exr beside a glTF")->required()->type_name("FILE");
     std::vector<std::string> names;
     for (const ObjStage& s : obj_stages()) names.emplace_back(s.name);

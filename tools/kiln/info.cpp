@@ -7,9 +7,23 @@
 #include <fmt/format.h>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 namespace kiln {
 namespace {
+
+// Instances and prefabs that something in the level comes from.
+std::size_t included_files(const kiln_level* level, const kiln_info& i, std::size_t displacements, std::size_t patches) {
+    std::set<std::string> files;
+    const auto add = [&](std::size_t count, auto file_of) {
+        const char* file = nullptr;
+        for (std::uint32_t k = 0; k < count; ++k)
+            if (file_of(level, k, &file) == KILN_OK && *file) files.insert(file);
+    };
+    add(i.faces, kiln_level_face_file), add(i.brushes, kiln_level_brush_file), add(i.entities, kiln_level_entity_file), add(i.lights, kiln_level_light_file);
+    add(displacements, kiln_level_displacement_file), add(patches, kiln_level_patch_file);
+    return files.size();
+}
 
 nlohmann::ordered_json describe(const kiln_level* level, std::size_t file_size) {
     nlohmann::ordered_json j;
@@ -25,6 +39,15 @@ nlohmann::ordered_json describe(const kiln_level* level, std::size_t file_size) 
                        {"triangles", i.triangles}, {"faces", i.faces}, {"charts", i.charts}, {"pages", i.pages}, {"texels", i.texels},
                        {"lights", i.lights}, {"cubes", i.cubes}, {"cube_cells", i.cube_cells}, {"probes", i.probes}, {"entities", i.entities},
                        {"degenerate_triangles", i.degenerate_triangles}};
+        std::size_t leaves = 0, area_portals = 0, waters = 0, overlays = 0, displacements = 0, patches = 0, occluders = 0;
+        const kiln_leaf* leaf = kiln_level_leaves(level, &leaves);
+        std::uint32_t areas = 0;
+        for (std::size_t k = 0; k < leaves; ++k) areas = std::max(areas, leaf[k].area);
+        kiln_level_area_portals(level, &area_portals), kiln_level_waters(level, &waters), kiln_level_overlays(level, &overlays);
+        kiln_level_displacements(level, &displacements), kiln_level_curved_patches(level, &patches), kiln_level_occluders(level, &occluders);
+        j["counts"].update({{"areas", areas}, {"area_portals", area_portals}, {"waters", waters}, {"occluders", occluders}, {"overlays", overlays},
+                            {"displacements", displacements}, {"curved_patches", patches}});
+        if (!i.stripped) j["counts"]["included_files"] = included_files(level, i, displacements, patches); // a stripped one does not know
         j["stripped"] = i.stripped != 0;
     }
     j["bytes"] = file_size;
@@ -104,12 +127,13 @@ std::string map_text(const nlohmann::ordered_json& j) {
     return out;
 }
 
-int info_of_map(const std::string& path, bool json) {
+int info_of_map(const std::string& path, bool json, bool cordon) {
     Console console;
     console.quiet = true;
     Context context = console.make_context(1);
     BakeOptions options;
     options.map = path;
+    options.compile.assemble.cordon = cordon;
     const auto input = read_input(options, context);
     if (!input) return console.fail(input.fault());
     Compiled c;
@@ -123,10 +147,11 @@ int info_of_map(const std::string& path, bool json) {
 } // namespace
 
 Command info_command(CLI::App& app) {
-    struct Options { std::string level; bool json = false, check = false; };
+    struct Options { std::string level; bool json = false, check = false, cordon = false; };
     auto o = std::make_shared<Options>();
-    app.add_option("level", o->level, "A level file, or a map (.vmf, .map)")->required();
+    app.add_option("level", o->level, "A level file, or a map (.vmf, .vmm, .map)")->required();
     app.add_flag("--json", o->json, "As JSON");
+    app.add_flag("--cordon", o->cordon, "Of a VMF: count what lies in its active cordons, as build --cordon would");
     app.add_flag("--check", o->check, "Of a level: verify and decode every lump; exit 3 at the first that is damaged");
     app.footer("examples:\n  kiln info atrium.kiln\n  kiln info e1m1.map --json");
     return [o]() -> int {
@@ -134,7 +159,7 @@ Command info_command(CLI::App& app) {
         // What begins like a level is one, however damaged; what is named like a map is taken as one.
         const auto bytes = read_file(o->level);
         const std::string ending = lower_case(std::filesystem::path(o->level).extension().string());
-        if (bytes && !is_level(*bytes) && (ending == ".vmf" || ending == ".map")) return info_of_map(o->level, o->json);
+        if (bytes && !is_level(*bytes) && (ending == ".vmf" || ending == ".vmm" || ending == ".map")) return info_of_map(o->level, o->json, o->cordon);
         const auto file = open_level(o->level);
         if (!file) return console.fail(file.fault());
         const auto& level = file->level;

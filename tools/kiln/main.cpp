@@ -1,6 +1,7 @@
 // kiln: the command line.
 #include "libs/core/check.h"
 #include "tools/kiln/commands.h"
+#include "tools/kiln/known_words.h"
 #include <algorithm>
 #include <csignal>
 #include <fmt/format.h>
@@ -100,7 +101,12 @@ int main(int argc, char** argv) {
     }
 
     std::vector<std::string> notes;
-    std::vector<std::string> words = translate_known_words(argc, argv, notes);
+    const auto translated = translate_known_words(argc, argv, notes);
+    if (!translated) {
+        print_error(fmt::format("kiln: error: {} [usage]\nkiln: `kiln explain words` lists words of other compilers\n", translated.fault().diagnostic.message));
+        return static_cast<int>(Exit::usage);
+    }
+    const std::vector<std::string>& words = *translated;
     try {
         std::vector<std::string> reversed(words.rbegin(), words.rend());
         app.parse(std::move(reversed));
@@ -109,7 +115,7 @@ int main(int argc, char** argv) {
     } catch (const CLI::ParseError& e) {
         print_error(fmt::format("kiln: error: {} [usage]\n", e.what()));
         if (const std::string guess = nearest(app, words); !guess.empty()) print_error(fmt::format("kiln: did you mean {}?\n", guess));
-        print_error(fmt::format("kiln: `kiln --help` and `kiln COMMAND --help` list what there is\n"));
+        print_error(fmt::format("kiln: `kiln --help` and `kiln COMMAND --help` list what there is, `kiln explain words` words of other compilers\n"));
         return static_cast<int>(Exit::usage);
     }
     const bool json = std::ranges::adjacent_find(words, [](const auto& a, const auto& b) { return a == "--log-format" && b == "json"; }) != words.end() ||

@@ -76,7 +76,7 @@ nlohmann::ordered_json to_json(const Options& o, const Checker& checker, const C
 Command verify_command(CLI::App& app) {
     auto o = std::make_shared<Options>();
     o->bake.add_to(app);
-    app.get_option("map")->description("The map (.vmf, .map), or a level file");
+    app.get_option("map")->description("The map (.vmf, .vmm, .map), or a level file");
     app.add_option("--until", o->until, "Of a map: run and check the stages up to this (default surfaces)")->check(CLI::IsMember({"read", "world", "csg", "bsp", "surfaces", "visibility"}))->type_name("STAGE");
     app.add_option("--points", o->verify.points, "Random points for each check that draws some (default 20000)")->check(CLI::Range(std::size_t{0}, std::size_t{1} << 32))->type_name("N");
     app.add_option("--seed", o->verify.seed, "Of the random points (default 1)")->type_name("N");

@@ -136,6 +136,7 @@ TEST(BspAreas, AWayAroundAPortalIsShown) {
     EXPECT_TRUE(std::ranges::any_of(way, [](Vec3 v) { return v.y >= 112; })); // through the second door
     EXPECT_EQ(std::min(way.front().x, way.back().x), 132);
     EXPECT_EQ(std::max(way.front().x, way.back().x), 140);
+    EXPECT_NE(d.message.find("(trail areaportal1)"), std::string::npos) << d.message;
 }
 
 TEST(BspAreas, PortalsThatPartNothingAreReported) {
@@ -149,6 +150,34 @@ TEST(BspAreas, PortalsThatPartNothingAreReported) {
     EXPECT_EQ(b.count("areaportal-leak") + b.count("areaportal-one-side"), 1u);
     ASSERT_EQ(b.bsp.area_portals.size(), 3u);
     EXPECT_EQ(b.bsp.area_portals[2].areas, (std::array<std::uint32_t, 2>{0, 0}));
+}
+
+TEST(BspAreas, PortalsThatTouchNameEachOther) {
+    WorldBuilder w = two_rooms();
+    const BrushId one = area_portal(w, {130, 48, 0}, {136, 80, 96}), two = area_portal(w, {136, 48, 0}, {142, 80, 96});
+    const Built b = build(w.world);
+    ASSERT_EQ(b.count("areaportal-one-side"), 2u);
+    std::vector<BrushId> left{one, two};
+    for (const Diagnostic& d : b.diagnostics) {
+        if (d.code != "areaportal-one-side") continue;
+        const bool of_one = d.where.line == b.world.brushes[one.at()].line;
+        EXPECT_NE(d.message.find("behind it is " + name_of_unsealing(b.world, of_one ? two : one)), std::string::npos) << d.message;
+        EXPECT_NE(d.message.find("make them one brush"), std::string::npos) << d.message;
+        std::erase(left, of_one ? one : two);
+    }
+    EXPECT_TRUE(left.empty());
+    // Of three the one in the middle touches no open space.
+    w = two_rooms();
+    area_portal(w, {130, 48, 0}, {134, 80, 96}), area_portal(w, {134, 48, 0}, {138, 80, 96}), area_portal(w, {138, 48, 0}, {142, 80, 96});
+    const Built three = build(w.world);
+    ASSERT_EQ(three.count("areaportal-closed"), 1u);
+    EXPECT_NE(first(three, "areaportal-closed")->message.find("only area portal of"), std::string::npos) << first(three, "areaportal-closed")->message;
+    // In a wall there is none to name.
+    w = two_rooms();
+    area_portal(w, {120, 0, 32}, {140, 32, 64});
+    const Built wall = build(w.world);
+    ASSERT_EQ(wall.count("areaportal-one-side") + wall.count("areaportal-leak"), 1u);
+    if (const Diagnostic* d = first(wall, "areaportal-one-side")) EXPECT_NE(d->message.find("solid or the outside"), std::string::npos) << d->message;
 }
 
 TEST(BspAreas, AThirdAreaIsReported) {
@@ -198,7 +227,14 @@ TEST(BspAreas, MicroGapsJoinNoAreas) {
             EXPECT_EQ(b.count("areaportal-leak"), closed ? 0u : 1u);
             EXPECT_EQ(b.count("micro-gap"), closed ? 1u : 0u);
             EXPECT_EQ(area_at(b, {64, 64, 32}) == area_at(b, {200, 64, 32}), !closed);
-            if (closed) EXPECT_NE(first(b, "micro-gap")->message.find("between areas"), std::string::npos) << first(b, "micro-gap")->message;
+            if (closed) {
+                const Diagnostic& d = *first(b, "micro-gap");
+                EXPECT_NE(d.message.find("between areas"), std::string::npos) << d.message;
+                // Where the area portal stops short it is named first, and is the place; not where it has nothing to do with it.
+                const int line = b.world.brushes[b.bsp.area_portals.at(0).brush.at()].line;
+                EXPECT_EQ(d.message.find("beside the area portal of func_areaportal") != std::string::npos, !in_wall) << d.message;
+                EXPECT_EQ(d.where.line == line, !in_wall) << d.message;
+            }
             else EXPECT_GE(b.bsp.area_portals.at(0).leak.size(), 2u);
             for (const char* code : {"areaportal-one-side", "areaportal-closed", "areaportal-areas"}) EXPECT_EQ(b.count(code), 0u) << code;
             for (const BspLeaf& l : b.bsp.leaves) // the slit itself belongs somewhere

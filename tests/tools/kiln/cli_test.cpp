@@ -1,6 +1,7 @@
 // Bad input as users meet it: a located message, the documented exit code, nothing half-written, no crash.
 #include "tests/support/program.h"
 #include <nlohmann/json.hpp>
+#include <map>
 #include <regex>
 
 using namespace kiln::test;
@@ -216,6 +217,31 @@ TEST(Cli, FurtherLeaksAndAreaPortalsHaveTrailsOfTheirOwn) {
     EXPECT_GT(lines, 2u);
 }
 
+// In a .map brushes are numbered within their entity: all area portals have brush 0.
+TEST(Cli, EachAreaPortalHasItsTrailAndItsWarningNamesIt) {
+    const Workplace w;
+    const auto portal = [](double x) { return "{\n\"classname\" \"func_areaportal\"\n" + box(x, 20, 20, x + 4, 60, 60) + "}\n"; };
+    w.write("out.areaportal0.pts", "0 0 0\n"), w.write("out.areaportal17.lin", "0 0 0\n"); // of an earlier build
+    const Outcome o = build(w, w.write("m.map", lit_room() + portal(30) + portal(90)), {"--leak-test"});
+    EXPECT_EQ(o.code, 0) << o.said;
+    std::vector<std::string> names;
+    for (const std::string& name : w.files())
+        if (name.starts_with("out.areaportal")) names.push_back(name);
+    EXPECT_EQ(names, (std::vector<std::string>{"out.areaportal1.lin", "out.areaportal1.pts", "out.areaportal2.lin", "out.areaportal2.pts"}));
+    const std::regex warning(":(\\d+): warning: .*\\(trail (areaportal\\d)\\)");
+    std::map<std::string, int> lines;
+    for (std::sregex_iterator it(o.said.begin(), o.said.end(), warning), end; it != end; ++it) lines[(*it)[2]] = std::stoi((*it)[1]);
+    ASSERT_EQ(lines.size(), 2u) << o.said;
+    EXPECT_LT(lines["areaportal1"], lines["areaportal2"]);
+    for (const auto& [name, x] : std::map<std::string, double>{{"areaportal1", 30}, {"areaportal2", 90}}) { // it begins on its own portal
+        std::istringstream trail(text_of(w.path("out." + name + ".pts")));
+        double first = 0;
+        ASSERT_TRUE(trail >> first) << name;
+        EXPECT_GE(first, x) << name;
+        EXPECT_LE(first, x + 4) << name;
+    }
+}
+
 TEST(Cli, ATrailThatCannotBeWrittenIsToldAndTheLeakStillDecides) {
     const Workplace w;
     std::string brushes = room(128, 96, 80);
@@ -323,14 +349,56 @@ TEST(Cli, WordsOfOtherCompilersWork) {
     const Outcome o = w.run({"build", w.write("room.map", lit_room()), "-o", w.path("out.kiln"), "-fast", "-threads", "1", "-bounce", "8"});
     EXPECT_EQ(o.code, 0) << o.said;
     EXPECT_TRUE(says(o, "all bounces"));
-    const Outcome p = w.run({"build", w.path("room.map"), "-o", w.path("out.kiln"), "-draft", "-onlyents"});
-    EXPECT_EQ(p.code, 2); // -draft is no word of anybody's
-    const Outcome q = w.run({"build", w.path("room.map"), "-o", w.path("out.kiln"), "--draft", "-onlyents", "-notjunc", "-chop", "4", "-StaticPropLighting", "-block", "-4", "-4", "-wadpath", "w"});
-    EXPECT_EQ(q.code, 0) << q.said;
-    for (const char* word : {"-onlyents:", "-notjunc:", "-chop:", "-StaticPropLighting:", "-wadpath:"}) EXPECT_TRUE(says(q, word)) << word;
-    // What only begins like -o is no file to write.
-    EXPECT_EQ(w.run({"build", w.path("room.map"), "-onlyfools"}).code, 2);
-    EXPECT_EQ(w.run({"dump", "faces", w.path("room.map"), "-outfile"}).code, 2);
+}
+
+// A letter with a value does not swallow the rest of a word: `-onlyents` is no file "nlyents".
+TEST(Cli, WordsBeginningWithAnOptionsLetterAreNoValues) {
+    const Workplace w;
+    const std::string map = w.write("room.map", lit_room());
+    const std::filesystem::path before = std::filesystem::current_path();
+    std::filesystem::current_path(w.path("")); // files named after words would come to lie here
+    for (const char* word : {"-onlyents", "-omitdetail", "-oxyz", "-oout.kiln", "-qx", "-hx"}) {
+        const Outcome o = w.run({"build", map, "--stop-after", "read", word});
+        EXPECT_EQ(o.code, 2) << word << ": " << o.said;
+        EXPECT_TRUE(says(o, std::string(word) + (std::string(word) == "-onlyents" || std::string(word) == "-omitdetail" ? ":" : ""))) << word;
+        EXPECT_TRUE(says(o, "kiln explain words")) << word;
+    }
+    EXPECT_EQ(w.files(), std::vector<std::string>{"room.map"});
+    std::filesystem::current_path(before);
+    EXPECT_EQ(w.run({"dump", "brushes", map, "-q", "-o=" + w.path("a.txt")}).code, 0);
+    EXPECT_EQ(w.run({"dump", "brushes", map, "-q", "-o", w.path("b.txt")}).code, 0);
+    EXPECT_NE(text_of(w.path("a.txt")), "");
+    EXPECT_EQ(text_of(w.path("a.txt")), text_of(w.path("b.txt")));
+}
+
+TEST(Cli, EveryKnownWordIsTakenOrSaysWhatTakesItsPlace) {
+    const Workplace w;
+    const std::string map = w.write("room.map", lit_room());
+    std::istringstream list(w.run({"explain", "words"}).out);
+    std::size_t taken = 0, refused = 0;
+    for (std::string line; std::getline(list, line);) {
+        const std::string word = line.substr(0, line.find(' '));
+        if (line.find(" is --") != std::string::npos) continue; // below
+        const Outcome o = w.run({"build", map, "--stop-after", "read", word});
+        const bool no = line.find("(refused)") != std::string::npos;
+        EXPECT_EQ(o.code, no ? 2 : 0) << word << ": " << o.said;
+        const std::size_t text = line.find(") ") + 2;
+        if (text < line.size()) EXPECT_TRUE(says(o, line.substr(text))) << word;
+        else EXPECT_FALSE(no) << word;
+        ++(no ? refused : taken);
+    }
+    EXPECT_GT(taken, 60u);
+    EXPECT_GT(refused, 20u);
+    for (const auto& words : std::vector<std::vector<std::string>>{{"-wadpath", w.path("")}, {"-micro", "0.5"}, {"-textureshadows"}, {"-StaticPropLighting"}, {"-notjunc"}, {"-soft"},
+                                                                   {"-soft", "2"}, {"-dirt"}, {"-chop", "16"}, {"-subdivide", "240"}, {"-SMOOTH", "30"}, {"-world_units_per_luxel", "8"},
+                                                                   {"-vproject", w.path("")}, {"-bumpall"}, {"-noverbose"}, {"-noleaktest"}, {"-fast", "-threads", "1"}}) {
+        std::vector<std::string> all{"build", "--stop-after", "read"};
+        all.insert(all.end(), words.begin(), words.end());
+        all.push_back(map); // a word that takes too much along would take the map
+        const Outcome o = w.run(all);
+        EXPECT_EQ(o.code, 0) << words[0] << ": " << o.said;
+    }
+    EXPECT_TRUE(says(w.run({"build", map, "--stop-after", "read", "-SMOOTH", "999"}), "--smooth")); // it arrives
 }
 
 TEST(Cli, JsonLogHasOneObjectALine) {

@@ -465,6 +465,54 @@ TEST(Inspect, FiltersKeepRows) {
     EXPECT_EQ(w.run({"dump", "brushes", map, "--filter", "nonsense"}).code, 2);
 }
 
+// What help names as a map is one to each of them.
+TEST(Inspect, AManifestIsAMapToEveryCommand) {
+    const Workplace w;
+    const std::string crate = box(40, 40, 0, 50, 50, 10);
+    w.write("a.map", furnished()), w.write("b.map", world(crate));
+    const std::string all = w.write("all.vmm", "\"Maps\"\n{\n\"VMF\"\n{\n\"File\" \"a.map\"\n}\n\"VMF\"\n{\n\"File\" \"b.map\"\n}\n}\n");
+    Outcome o = w.run({"info", all, "--json"});
+    ASSERT_EQ(o.code, 0) << o.said;
+    EXPECT_EQ(nlohmann::json::parse(o.out)["counts"]["brushes"], 9);
+    o = w.run({"dump", "brushes", all, "-q"});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_EQ(lines(o.out), 9u);
+    o = w.run({"verify", all, "--until", "bsp", "-q"});
+    EXPECT_EQ(o.code, 0) << o.said << o.out;
+    o = w.run({"export", all, "-q", "-o", w.path("all.obj")});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_TRUE(w.has("all.obj"));
+    for (const char* command : {"info", "dump", "verify", "export", "build"}) EXPECT_NE(w.run({command, "--help"}).out.find(".vmm"), std::string::npos) << command;
+}
+
+TEST(Inspect, InfoOfALevelCountsWhatTheGameDoesWithSpace) {
+    const Workplace w;
+    w.write("prefab.map", world(box(0, 0, 0, 6, 6, 6)));
+    const std::string map = w.write("room.map", crowded() + entity("misc_external_map", 30, 80, 0, "\"_external_map\" \"prefab.map\"\n\"_external_map_classname\" \"func_detail\"\n"));
+    ASSERT_EQ(w.run({"build", map, "--draft", "-q", "-o", w.path("room.kiln")}).code, 0);
+    const Outcome o = w.run({"info", w.path("room.kiln"), "--json"});
+    ASSERT_EQ(o.code, 0) << o.said;
+    const auto counts = nlohmann::json::parse(o.out)["counts"];
+    for (const auto& [name, count] : std::map<std::string, int>{{"areas", 2}, {"area_portals", 1}, {"waters", 1}, {"occluders", 1}, {"overlays", 1}, {"displacements", 0}, {"curved_patches", 1}, {"included_files", 1}})
+        EXPECT_EQ(counts.value(name, -1), count) << name;
+    EXPECT_TRUE(std::regex_search(w.run({"info", w.path("room.kiln")}).out, std::regex("area_portals +1\n")));
+}
+
+TEST(Inspect, InfoOfAMapTakesItsCordon) {
+    const Workplace w;
+    const std::string vmf = text_of(std::string(KILN_SOURCE_DIR) + "/maps/terrain/terrain.vmf") +
+                            "cordon\n{\n\"mins\" \"(-64 -64 -64)\"\n\"maxs\" \"(64 64 64)\"\n\"active\" \"1\"\n}\n";
+    const std::string map = w.write("c.vmf", vmf);
+    const auto brushes = [&](std::vector<std::string> more) {
+        more.insert(more.begin(), {"info", map, "--json"});
+        const Outcome o = w.run(more);
+        EXPECT_EQ(o.code, 0) << o.said;
+        return nlohmann::json::parse(o.out)["diagnostics"].dump();
+    };
+    EXPECT_EQ(brushes({}).find("note cordon"), std::string::npos);
+    EXPECT_NE(brushes({"--cordon"}).find("cordon"), std::string::npos);
+}
+
 TEST(Inspect, InfoOfAMapCounts) {
     const Workplace w;
     const Outcome o = w.run({"info", w.write("room.map", furnished()), "--json"});
