@@ -8,7 +8,7 @@ namespace kiln {
 namespace {
 
 // "[$X360]", "[!$PS3 && $WIN32]": what stands behind a pair or a block's name. A vector as a value has no $.
-bool is_condition(std::string_view token) { return token.starts_with("[$") || token.starts_with("[!$"); }
+bool begins_condition(std::string_view token) { return token.starts_with("[$") || token.starts_with("[!"); }
 bool holds(std::string_view condition) { // on a desktop computer; of what is not known here, yes
     const std::string text = lower_case(condition.substr(1, condition.find(']') - 1));
     const auto term = [](std::string_view t) {
@@ -67,27 +67,38 @@ Result<Vmt> read_vmt(std::string_view text, const std::string& file) {
     // Blocks whose keys count: the shader's own, and of a patch those of insert and replace.
     int depth = 1, passed_from = 0; // passed over from this depth on; 0: nothing is
     std::string key;
-    bool has_key = false, pair_before = false, block_holds = true;
+    bool has_key = false, block_holds = true;
+    enum { none, pair, include } before = none; // what a condition would be of
     for (token = scanner.next(); token.kind != TokenKind::end && depth > 0; token = scanner.next()) {
         if (token.kind == TokenKind::close) {
             if (passed_from == depth) passed_from = 0;
-            --depth, has_key = pair_before = false;
+            --depth, has_key = false, before = none;
         } else if (token.kind == TokenKind::open) {
             ++depth;
             const bool counts = block_holds && patch && depth == 2 && (key == "insert" || key == "replace");
             if (passed_from == 0 && !(has_key && counts)) passed_from = depth;
-            has_key = pair_before = false;
-        } else if (is_condition(token.text)) {
-            if (has_key) block_holds = holds(token.text); // of the block that begins
-            else if (pair_before && !holds(token.text)) out.keys.pop_back();
-            pair_before = false;
+            has_key = false, before = none;
+        } else if (begins_condition(token.text)) {
+            std::string condition(token.text);
+            while (condition.find(']') == std::string::npos) { // words end at spaces
+                token = scanner.next();
+                if (token.kind != TokenKind::word) break;
+                condition += token.text;
+            }
+            if (token.kind == TokenKind::end) break;
+            const bool yes = holds(condition);
+            if (has_key) block_holds = yes; // of the block that begins
+            else if (before == pair && !yes) out.keys.pop_back();
+            else if (before == include && !yes) out.include.clear();
+            before = none;
+            if (token.kind == TokenKind::open || token.kind == TokenKind::close) return no("a condition has no end");
         } else if (!has_key) {
-            key = lower_case(token.text), has_key = block_holds = true, pair_before = false;
+            key = lower_case(token.text), has_key = block_holds = true, before = none;
         } else {
             has_key = false;
             if (passed_from > 0) continue;
-            if (patch && depth == 1 && key == "include") out.include = token.text;
-            else out.keys.emplace_back(key, std::string(token.text)), pair_before = true;
+            if (patch && depth == 1 && key == "include") out.include = token.text, before = include;
+            else out.keys.emplace_back(key, std::string(token.text)), before = pair;
         }
     }
     return out;

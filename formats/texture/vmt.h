@@ -3,7 +3,7 @@
 // Out      the shader's name and its keys, lower case, in order; of a "patch" those of its `insert` and `replace` blocks, and
 //          the file it patches. Blocks for other hardware, proxies and the like are passed over
 //          too; so are pairs and blocks with a condition that does not hold on a desktop computer ([$X360], [!$WIN32])
-// Errors   texture-unreadable: no block (a fault). Text that ends early gives what was there
+// Errors   texture-unreadable: no block, or a condition without an end (a fault). Text that ends early gives what was there
 #pragma once
 #include "libs/core/result.h"
 #include <string>

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <fmt/format.h>
 #include <map>
+#include <tuple>
 
 namespace kiln {
 namespace {
@@ -46,11 +47,12 @@ Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::u
     const std::size_t count = u32(bytes, 4), directory = u32(bytes, 8);
     if (directory > bytes.size() || count > (bytes.size() - directory) / kEntry)
         return no(fmt::format("its directory of {} entries lies beyond the end of the file", count));
-    std::map<std::pair<std::size_t, bool>, std::optional<Rgbd>> means;
+    std::map<std::tuple<std::size_t, std::size_t, bool>, std::optional<Rgbd>> means;
     for (std::size_t i = 0; i < count; ++i) {
         const std::size_t entry = directory + i * kEntry;
         if (bytes[entry + 12] != (out.own_palettes ? kMiptexOfHalfLife : kMiptexOfQuake)) continue;
         const std::string listed = name_at(bytes, entry + 16);
+        if (!listed.empty() && !wanted(listed)) continue; // the same name stands in the texture
         const auto left_out = [&](const char* why) {
             context.report(Severity::warning, "texture-unreadable", fmt::format("the texture '{}' {}; it is left out", listed, why), {.file = file});
         };
@@ -83,7 +85,7 @@ Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::u
             colours = after <= miptex.size() && kPalette <= miptex.size() - after ? miptex.subspan(after, kPalette) : std::span<const std::uint8_t>();
         }
         // Entries may share what they name.
-        const auto [known, fresh] = means.try_emplace({at, texture.name.starts_with('{')});
+        const auto [known, fresh] = means.try_emplace({at, stored, texture.name.starts_with('{')});
         if (fresh && colours.size() >= kPalette) {
             context.check_cancelled();
             known->second = mean_colour(miptex.subspan(first, texels), colours, texture.name.starts_with('{'));

@@ -210,13 +210,16 @@ TEST(Vmt, ConditionsHoldOnADesktop) {
         const std::string* found = vmt->find("$a");
         return found ? *found : std::string("none");
     };
-    for (const char* here : {"[$WIN32]", "[$windows]", "[!$X360]", "[!$PS3&&$WIN32]", "[$X360||$WIN32]", "[! $X360 ]", "[$SOMETHING]"}) EXPECT_EQ(value(std::string("$a 1 ") + here), "1") << here;
-    for (const char* elsewhere : {"[$X360]", "[!$WIN32]", "[$PS3||$X360]", "[$WIN32&&$X360]", "[$OSX]"}) EXPECT_EQ(value(std::string("$a 1 ") + elsewhere), "none") << elsewhere;
+    for (const char* here : {"[$WIN32]", "[$windows]", "[!$X360]", "[!$PS3&&$WIN32]", "[$X360||$WIN32]", "[! $X360 ]", "[$X360 || $WIN32]", "[$SOMETHING]"}) EXPECT_EQ(value(std::string("$a 1 ") + here + " $b 2"), "1") << here;
+    for (const char* elsewhere : {"[$X360]", "[!$WIN32]", "[$PS3||$X360]", "[$WIN32&&$X360]", "[!$PS3 && $X360]", "[$OSX]"}) EXPECT_EQ(value(std::string("$a 1 ") + elsewhere), "none") << elsewhere;
     EXPECT_EQ(value("$a 1 [$WIN32]\n$a 2 [$X360]"), "1");
     EXPECT_EQ(value("\"%compilesky\" 1 [$X360]\n$a 3"), "3");
     const auto patch = read_vmt("patch { include a.vmt insert [$X360] { $a 1 } replace [!$X360] { $b 2 } }", "x.vmt");
     EXPECT_FALSE(patch->find("$a"));
     EXPECT_TRUE(patch->find("$b"));
+    EXPECT_EQ(read_vmt("patch { include a.vmt [$X360] include b.vmt [!$X360] }", "x.vmt")->include, "b.vmt");
+    EXPECT_EQ(*read_vmt("s { $a 1 [$X360 || $WIN32] $b 2 }", "x.vmt")->find("$b"), "2");
+    EXPECT_FALSE(read_vmt("s { $a 1 [$X360 }", "x.vmt"));
 }
 
 TEST(Vmt, PatchesNameWhatTheyPatch) {

@@ -85,6 +85,29 @@ TEST(Files, CordonsAreAnOption) {
     EXPECT_FALSE(says(w.run({"build", map, "--stop-after", "read"}), "cordon"));
 }
 
+static std::size_t count_of(const std::string& text, const std::string& word) {
+    std::size_t n = 0;
+    for (std::size_t at = 0; (at = text.find(word, at)) != std::string::npos; ++at) ++n;
+    return n;
+}
+
+// A sealed map cut by a cordon, with a displacement outside of it: sound, and bakes.
+TEST(Files, ACordonedMapIsVerifiedAndBuilt) {
+    const Workplace w;
+    std::ifstream file(std::string(KILN_SOURCE_DIR) + "/maps/terrain/terrain.vmf", std::ios::binary);
+    const std::string terrain((std::istreambuf_iterator<char>(file)), {});
+    ASSERT_NE(terrain.find("dispinfo"), std::string::npos);
+    const std::string around = write(w, "a.vmf", terrain + "cordon\n{\n\"mins\" \"(-96 -96 -4000)\"\n\"maxs\" \"(96 96 4000)\"\n\"active\" \"1\"\n}\n");
+    Outcome o = w.run({"verify", around, "--cordon", "-q"});
+    EXPECT_EQ(o.code, 0) << o.said << o.out;
+    o = w.run({"build", around, "--cordon", "--draft", "-q", "-o", w.path("a.kiln")});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_EQ(w.run({"verify", w.path("a.kiln"), "-q"}).code, 0);
+    const Outcome all = w.run({"dump", "displacements", around, "-q"}), cut = w.run({"dump", "displacements", around, "-q", "--cordon"});
+    EXPECT_GT(count_of(all.out, "power"), count_of(cut.out, "power"));
+    EXPECT_GT(count_of(cut.out, "power"), 0u);
+}
+
 TEST(Files, AnInstanceInTheLevelBringsItsOverlay) {
     // End to end: a room whose floor comes from an instance, with an overlay on it that names the floor's side.
     const Workplace w;
