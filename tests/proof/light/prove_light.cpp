@@ -1,0 +1,32 @@
+// Long proofs about light; their short forms are in the test suite. usage: prove_light leaks [PART OF A NAME]
+#include "tests/proof/light/leaks.h"
+#include <cstdio>
+#include <cstring>
+
+namespace {
+bool leaks(const char* part) {
+    constexpr double kSizes[] = {4, 8, 16, 32, 64}, kMost = 1e-6;
+    std::size_t maps = 0, runs = 0, bad = 0;
+    std::printf("%-42s %5s %9s %9s %9s %9s %8s\n", "map", "luxel", "shown", "luxels", "patches", "cubes", "lookups");
+    for (const kiln::proof::LeakMap& m : kiln::proof::leak_maps()) {
+        if (m.name.find(part) == std::string::npos) continue;
+        ++maps;
+        for (const double size : kSizes) {
+            const kiln::proof::LeakFound f = kiln::proof::find_leaks(m, size, 20);
+            const bool ok = f.compiled && f.looked > 0 && f.worst() <= kMost;
+            ++runs, bad += !ok;
+            std::printf("%-42s %5g %9.2g %9.2g %9.2g %9.2g %8zu%s\n", m.name.c_str(), size, f.shown, f.luxel, f.patch, f.cube, f.looked,
+                        ok ? "" : ("  LEAK " + (f.compiled ? f.where : std::string("does not compile"))).c_str());
+            std::fflush(stdout);
+        }
+    }
+    std::printf("%zu maps, %zu bakes, %zu leak\n", maps, runs, bad);
+    return maps > 0 && bad == 0;
+}
+} // namespace
+
+int main(int argc, char** argv) {
+    if (argc > 1 && !std::strcmp(argv[1], "leaks")) return leaks(argc > 2 ? argv[2] : "") ? 0 : 1;
+    std::puts("usage: prove_light leaks [PART OF A NAME]");
+    return 2;
+}
