@@ -23,7 +23,7 @@ TEST_P(Leaks, NoLightInTheDark) {
             ASSERT_TRUE(f.compiled) << m.name;
             EXPECT_GT(f.looked, 100u) << m.name;
             EXPECT_LE(std::max({f.shown, f.luxel, f.patch}), 1e-6) << m.name << ", luxels of " << size << ", " << f.where;
-            // Cubes stand in leaves, which walls of detail do not part (NOTES.md).
+            // Cubes beside walls of detail are open (compiler/light/NOTES.md).
             if (!m.name.starts_with("detail")) EXPECT_LE(f.cube, 1e-6) << m.name << ", luxels of " << size;
         }
 }
