@@ -103,6 +103,9 @@ public:
     std::vector<Vec3> in(const Box3& box, const std::vector<HalfSpace>& within) const {
         constexpr double kOff = 1.0 / 128;   // map units off the face: below any wall, above the rounding of rays
         constexpr double kInset = 1.0 / 64;  // share of the way from a corner to the middle
+        // Map units across: of narrower parts, in the groove of two walls say, the place may lie behind the next wall, and
+        // nothing that is lit by cubes has room there.
+        constexpr double kNarrow = 1.0 / 8;
         std::vector<std::uint32_t> near;
         tree_->query(box, near);
         std::vector<Vec3> places, part, spare;
@@ -125,6 +128,11 @@ public:
             if (part.size() < 3) continue;
             Vec3 middle;
             for (const Vec3& p : part) middle += p / double(part.size());
+            Vec3 area;
+            double reach = 0;
+            for (std::size_t k = 0; k < part.size(); ++k)
+                area += cross(part[k] - middle, part[(k + 1) % part.size()] - middle) * 0.5, reach = std::max(reach, length(part[k] - middle));
+            if (!(length(area) > kNarrow * reach)) continue;
             const Face& face = surfaces_.faces[surfaces_.triangle_face[triangles_[i]].at()];
             // What has an open border may have air behind it.
             for (const double side : {1.0, -1.0}) {
