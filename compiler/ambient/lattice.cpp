@@ -20,7 +20,7 @@ constexpr std::size_t kMostPlaces = 384;     // beside faces, asked about in one
 constexpr std::size_t kAsked = 8;            // samples that are asked whether they see such a place
 constexpr double kFloor = 0.02;              // of the mean cube: what darkness counts at least in relative errors
 constexpr std::uint32_t kMostRays = 8;       // times options.rays
-constexpr std::size_t kMostSides = 16;       // of a finest cell that walls cross
+constexpr std::size_t kMostSides = 32;       // of a finest cell that walls cross
 constexpr int kMostRounds = 8;                // of asking border points whether they belong where the planes put them
 
 struct Sample {

@@ -1,4 +1,5 @@
 #include "compiler/ambient/separate.h"
+#include <tuple>
 
 namespace kiln::ambient {
 
@@ -57,6 +58,7 @@ Side side_of(std::vector<std::uint32_t> samples, const std::vector<std::uint8_t>
 struct Part { // of the points, in a tree of planes
     std::vector<std::uint32_t> samples;
     std::size_t crossings = 0; // pairs that do not see each other
+    std::uint8_t common = 0;   // corners that all see
     bool whole = false;        // not to be parted
     std::optional<Plane> plane;
     std::size_t behind = 0, beyond = 0; // parts
@@ -73,6 +75,10 @@ bool Sides::single_valued() const {
 Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vector<std::uint8_t>& sees,
                std::size_t most) {
     Sides result;
+    const auto judge = [&](Part& part) {
+        const Side side = side_of(part.samples, sees);
+        part.common = side.common, part.whole = side.common && side.common == side.any;
+    };
     Part all;
     for (std::size_t i = 0; i < points.size(); ++i) all.samples.push_back(static_cast<std::uint32_t>(i));
     const Side whole = side_of(all.samples, sees);
@@ -83,12 +89,17 @@ Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vecto
     const Blocked blocked(air, points);
     result.rays = points.size() * (points.size() - 1) / 2;
     all.crossings = blocked.among(all.samples);
+    judge(all);
+    constexpr std::size_t kForCorners = 8; // sides, with more of which no more corners are worth having
     std::vector<Part> parts{std::move(all)};
     for (std::size_t leaves = 1; leaves < most;) {
+        // Those first whose points see no corner in common: there light may leak. The others only get corners more.
         std::size_t worst = parts.size();
-        for (std::size_t i = 0; i < parts.size(); ++i)
-            if (!parts[i].plane && !parts[i].whole && parts[i].crossings > 0 && (worst == parts.size() || parts[i].crossings > parts[worst].crossings))
-                worst = i;
+        for (std::size_t i = 0; i < parts.size(); ++i) {
+            const Part& p = parts[i];
+            if (p.plane || p.whole || p.crossings == 0 || (p.common && leaves >= kForCorners)) continue;
+            if (worst == parts.size() || std::tuple(p.common == 0, p.crossings) > std::tuple(parts[worst].common == 0, parts[worst].crossings)) worst = i;
+        }
         if (worst == parts.size()) break;
         const std::vector<std::uint32_t> left = parts[worst].samples;
         // Candidate walls: between each point and the nearest one it does not see. The best leaves the fewest pairs on
@@ -133,6 +144,7 @@ Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vecto
             continue;
         }
         parts[worst].plane = best, parts[worst].behind = parts.size(), parts[worst].beyond = parts.size() + 1;
+        judge(best_behind), judge(best_beyond);
         parts.push_back(std::move(best_behind)), parts.push_back(std::move(best_beyond));
         ++leaves;
     }
