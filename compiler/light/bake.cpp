@@ -1,5 +1,6 @@
 // The order of the steps, the tables they share, and what is handed on.
 #include "compiler/light/bake.h"
+#include "compiler/light/seams.h"
 #include "libs/core/check.h"
 #include "libs/parallel/parallel.h"
 #include <map>
@@ -364,6 +365,7 @@ Lighting Bake::run() {
         check = gather();
     }
     fill();
+    match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
 
     ErrorReport& e = out_.error;
     e.target = options_.error_percent;
