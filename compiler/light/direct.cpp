@@ -7,7 +7,11 @@ namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
-constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
+constexpr std::uint32_t kFullView = 32;    // points on an emitter in full view: arithmetic, no rays
+constexpr std::uint32_t kMostPlaces = 256; // of a footprint from which a light in full view is evaluated
+double square(double x) {
+    return x * x;
+}
 } // namespace
 
 bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
@@ -230,6 +234,16 @@ std::vector<std::uint32_t> Bake::add_emitters(const std::vector<std::vector<std:
     return changed;
 }
 
+// From a place to the nearest of a light.
+double Bake::distance_to(const LightRef& ref, Vec3 x) const {
+    if (ref.is_emitter) {
+        const Emitter& e = emitters_.emitters[ref.light];
+        return std::max(length(e.center - x) - e.radius, std::abs(dot(e.normal, x) - e.distance));
+    }
+    const Light& light = lights_[ref.light];
+    return light.kind == LightKind::sun ? 1e30 : length(light.position - x);
+}
+
 // Explicit light averaged over a footprint. Places and points on the light share one sequence.
 void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
                      const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const {
@@ -275,19 +289,22 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
         if (!ref.penumbra) {
             // In full view of the patch, or not seen at all: a few rays to make sure, more for a strong light.
             // Where they agree there is no noise: the light is evaluated in the middle, its gradient cancels over
-            // the luxel.
+            // the luxel. What does not is about (size / distance)^2, shared by the places where it is evaluated.
             const std::uint32_t checks = ref.samples <= 8 ? 1 : 4;
             for (std::uint32_t k = 0; k < checks; ++k)
                 shine(checks == 1 && !ref.hidden ? middle : place(k), k, 1, true, nullptr);
             *rays += tested;
             if (seen == (ref.hidden ? 0 : tested)) {
                 if (ref.hidden) continue;
-                if (footprint.whole_square()) {
+                std::uint32_t places = footprint.whole_square() ? 1 : 4;
+                const double wanted = footprint.area() / (square(distance_to(ref, middle.position)) * 0.01 * options_.error_percent);
+                while (places < kMostPlaces && places < wanted) places *= 2;
+                if (places == 1) {
                     shine(middle, 0, kFullView, false, sum);
                 } else {
                     KernelSum part;
-                    for (std::uint32_t k = 0; k < 4; ++k) shine(place(k), k, kFullView / 4, false, &part);
-                    part *= 0.25;
+                    for (std::uint32_t k = 0; k < places; ++k) shine(place(k), k, std::max(1u, kFullView / places), false, &part);
+                    part *= 1.0 / places;
                     *sum += part;
                 }
                 continue;
