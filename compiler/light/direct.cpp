@@ -1,14 +1,15 @@
 // Direct light: which lights are worth explicit rays for which patch, and those rays at the luxels.
 #include "compiler/light/bake.h"
 #include "libs/parallel/parallel.h"
+#include <bit>
 #include <numbers>
 
 namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
-constexpr std::uint32_t kFullView = 32;    // points on an emitter in full view: arithmetic, no rays
-constexpr std::uint32_t kMostPlaces = 256; // of a footprint from which a light in full view is evaluated
+constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
+constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a light in full view is evaluated
 double square(double x) {
     return x * x;
 }
@@ -296,17 +297,19 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
             *rays += tested;
             if (seen == (ref.hidden ? 0 : tested)) {
                 if (ref.hidden) continue;
-                std::uint32_t places = footprint.whole_square() ? 1 : 4;
+                // A grid where there can be one: its gradients cancel as that of the middle does.
                 const double wanted = footprint.area() / (square(distance_to(ref, middle.position)) * 0.01 * options_.error_percent);
-                while (places < kMostPlaces && places < wanted) places *= 2;
-                if (places == 1) {
-                    shine(middle, 0, kFullView, false, sum);
-                } else {
-                    KernelSum part;
-                    for (std::uint32_t k = 0; k < places; ++k) shine(place(k), k, std::max(1u, kFullView / places), false, &part);
-                    part *= 1.0 / places;
-                    *sum += part;
+                const bool grid = footprint.whole_square();
+                std::uint32_t side = grid ? 1 : 2;
+                while (side < kMostSide && side * side < wanted) side = grid && side < 4 ? side + 1 : 2 * side;
+                const std::uint32_t places = side * side;
+                KernelSum part;
+                for (std::uint32_t k = 0; k < places; ++k) {
+                    const Vec2 at{(k % side + 0.5) / side, (k / side + 0.5) / side};
+                    shine(!grid ? place(k) : side == 1 ? middle : lifted(footprint.sample(at)), k, std::max(1u, std::bit_floor(kFullView / places)), false, &part);
                 }
+                part *= 1.0 / places;
+                *sum += part;
                 continue;
             }
             seen = tested = 0;
