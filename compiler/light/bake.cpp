@@ -1,5 +1,6 @@
 // The order of the steps, the tables they share, and what is handed on.
 #include "compiler/light/bake.h"
+#include "compiler/light/seams.h"
 #include "libs/core/check.h"
 #include "libs/parallel/parallel.h"
 #include <map>
@@ -13,6 +14,7 @@ namespace kiln {
 constexpr double kMargin = 10;
 constexpr int kPatchRefinements = 3;
 constexpr double kPatchShare = 0.6;                        // of the target, for patches; the noise has as much
+constexpr double kSteep = 5;                               // targets by which direct light of luxels side by side may differ
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
 Quality Quality::of(const LightOptions& options) {
@@ -161,6 +163,28 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest, const std::v
         out.direct[texel] = static_cast<Rgb>(rho * direct_[l].flat);
         out.texel[texel] = static_cast<Rgb>(rho * (direct_[l].flat + rest[p]));
     }
+    // In a corner a luxel gets up to half of its light from the next one on the other wall, most of it from that one's rim.
+    const double steep = kSteep * options_.error_percent / 100;
+    out.steep.resize(surfaces_.texel_count);
+    std::vector<std::uint8_t> lit(surfaces_.texel_count);
+    for (std::size_t l = 0; l < surfaces_.luxels.size(); ++l) {
+        const Luxel& luxel = surfaces_.luxels[l];
+        const Chart& c = surfaces_.charts[luxel.chart.at()];
+        if (luxel_patch_[l] != kNoPatch) lit[c.first_texel + luxel.y * c.width + luxel.x] = 1;
+    }
+    for (const Chart& c : surfaces_.charts)
+        for (std::uint32_t y = 0; y < c.height; ++y)
+            for (std::uint32_t x = 0; x < c.width; ++x) {
+                const std::size_t a = c.first_texel + y * c.width + x;
+                const auto compare = [&](std::size_t b) {
+                    if (!lit[a] || !lit[b]) return;
+                    const double change = std::abs(mean(out.direct[a]) - mean(out.direct[b]));
+                    if (change > steep * mean(out.texel[a])) out.steep[a] = 1;
+                    if (change > steep * mean(out.texel[b])) out.steep[b] = 1;
+                };
+                if (x + 1 < c.width) compare(a + 1);
+                if (y + 1 < c.height) compare(a + c.width);
+            }
     return out;
 }
 
@@ -364,6 +388,7 @@ Lighting Bake::run() {
         check = gather();
     }
     fill();
+    match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
 
     ErrorReport& e = out_.error;
     e.target = options_.error_percent;

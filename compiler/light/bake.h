@@ -18,7 +18,8 @@ constexpr bool is_patch(std::uint32_t hit) {
 // Reflected radiance at hits: luxel by luxel where a texel belongs to one patch, else by patch.
 struct ReflectedLight {
     std::vector<Rgb> texel, patch;
-    std::vector<Rgb> direct; // the part of `texel` that explicit direct light makes
+    std::vector<Rgb> direct;         // the part of `texel` that explicit direct light makes
+    std::vector<std::uint8_t> steep; // per texel: that part changes much towards the texels beside it
 };
 
 // A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
@@ -111,6 +112,7 @@ private:
                      std::uint32_t emitter) const; // form factor from which on it is worth rays
     bool looks_many_ways(std::uint32_t patch) const;
     double form_factor_bound(std::uint32_t patch, std::uint32_t emitter) const;
+    double distance_to(const LightRef& ref, Vec3 x) const;
     std::uint16_t penumbra_samples(double share) const;
     bool receives(std::uint32_t patch) const;
     // Adds emitters to the lists of patches and of their neighbours; which patches changed.
@@ -135,6 +137,7 @@ private:
     std::vector<std::vector<std::uint32_t>> gather_patches(std::span<const std::uint32_t> patches, Pass pass);
     void find_neighbours();
     void share_rays(double wanted);
+    Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
     Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, int depth) const;
     // bake.cpp
     LuxelKernel kernel_of(std::uint32_t luxel) const;

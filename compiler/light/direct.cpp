@@ -1,6 +1,7 @@
 // Direct light: which lights are worth explicit rays for which patch, and those rays at the luxels.
 #include "compiler/light/bake.h"
 #include "libs/parallel/parallel.h"
+#include <bit>
 #include <numbers>
 
 namespace kiln {
@@ -8,6 +9,10 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
 constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
+constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a light in full view is evaluated
+double square(double x) {
+    return x * x;
+}
 } // namespace
 
 bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
@@ -230,6 +235,16 @@ std::vector<std::uint32_t> Bake::add_emitters(const std::vector<std::vector<std:
     return changed;
 }
 
+// From a place to the nearest of a light.
+double Bake::distance_to(const LightRef& ref, Vec3 x) const {
+    if (ref.is_emitter) {
+        const Emitter& e = emitters_.emitters[ref.light];
+        return std::max(length(e.center - x) - e.radius, std::abs(dot(e.normal, x) - e.distance));
+    }
+    const Light& light = lights_[ref.light];
+    return light.kind == LightKind::sun ? 1e30 : length(light.position - x);
+}
+
 // Explicit light averaged over a footprint. Places and points on the light share one sequence.
 void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
                      const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const {
@@ -275,21 +290,26 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
         if (!ref.penumbra) {
             // In full view of the patch, or not seen at all: a few rays to make sure, more for a strong light.
             // Where they agree there is no noise: the light is evaluated in the middle, its gradient cancels over
-            // the luxel.
+            // the luxel. What does not is about (size / distance)^2, shared by the places where it is evaluated.
             const std::uint32_t checks = ref.samples <= 8 ? 1 : 4;
             for (std::uint32_t k = 0; k < checks; ++k)
                 shine(checks == 1 && !ref.hidden ? middle : place(k), k, 1, true, nullptr);
             *rays += tested;
             if (seen == (ref.hidden ? 0 : tested)) {
                 if (ref.hidden) continue;
-                if (footprint.whole_square()) {
-                    shine(middle, 0, kFullView, false, sum);
-                } else {
-                    KernelSum part;
-                    for (std::uint32_t k = 0; k < 4; ++k) shine(place(k), k, kFullView / 4, false, &part);
-                    part *= 0.25;
-                    *sum += part;
+                // A grid where there can be one: its gradients cancel as that of the middle does.
+                const double wanted = footprint.area() / (square(distance_to(ref, middle.position)) * 0.01 * options_.error_percent);
+                const bool grid = footprint.whole_square();
+                std::uint32_t side = grid ? 1 : 2;
+                while (side < kMostSide && side * side < wanted) side = grid && side < 4 ? side + 1 : 2 * side;
+                const std::uint32_t places = side * side;
+                KernelSum part;
+                for (std::uint32_t k = 0; k < places; ++k) {
+                    const Vec2 at{(k % side + 0.5) / side, (k / side + 0.5) / side};
+                    shine(!grid ? place(k) : side == 1 ? middle : lifted(footprint.sample(at)), k, std::max(1u, std::bit_floor(kFullView / places)), false, &part);
                 }
+                part *= 1.0 / places;
+                *sum += part;
                 continue;
             }
             seen = tested = 0;

@@ -119,9 +119,44 @@ void Bake::patch_guide(std::uint32_t p, const HemisphereMap& map, Guide* guide) 
     guide->build();
 }
 
+// Irradiance that the listed lights of a patch bring to a place near it: one of them, drawn by what it could bring there.
+Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const {
+    constexpr double kHiddenShare = 1.0 / 16; // no test ray of the patch saw it
+    const std::vector<LightRef>& list = lists_[patch];
+    thread_local std::vector<double> cumulative;
+    cumulative.clear();
+    double sum = 0;
+    for (const LightRef& r : list) {
+        const double most = r.is_emitter ? kPi * mean(emitters_.emitters[r.light].radiance) * emitters_.bound(r.light, x, normal) : light_bound(lights_[r.light], x, 0);
+        cumulative.push_back(sum += most * (r.hidden ? kHiddenShare : 1));
+    }
+    if (!(sum > 0)) return {};
+    const auto at = static_cast<std::size_t>(std::upper_bound(cumulative.begin(), cumulative.end() - 1, random() * sum) - cumulative.begin());
+    const double scale = sum / (cumulative[at] - (at ? cumulative[at - 1] : 0));
+    Rgbd light;
+    if (list[at].is_emitter) {
+        const Emitter& e = emitters_.emitters[list[at].light];
+        const Sobol points(static_cast<std::uint64_t>(random() * 0x1p52));
+        // A large one comes in parts: one of them for all.
+        double arriving = 0;
+        Vec3 target;
+        emitters_.sample(list[at].light, x, normal, 0, 1, points, 2e-4, EmitterSet::Arrival::each, [&](Vec3 y, Vec3 flux) {
+            const double part = std::max(0.0, dot(flux, normal));
+            arriving += part;
+            if (random() * arriving < part) target = y;
+        });
+        if (arriving > 0 && !scene_.occluded(x, target + e.normal * scene_.push_off())) light = e.radiance * arriving;
+    } else {
+        LightSample s;
+        const double u = random(), v = random();
+        if (sample_light(lights_[list[at].light], x, normal, {u, v}, &s) && arrives(scene_, x, s)) light = s.weight * dot(s.direction, normal) + s.ambient;
+    }
+    return light * scale;
+}
+
 // Radiance reflected at a hit. One close by lies where light may vary within a luxel and much within a patch (the
-// other wall of a corner, a crevice): there the direct light of the luxel is kept and the rest taken one bounce
-// further on.
+// other wall of a corner, a crevice): there the direct light of the luxel is kept, if it is much the same around it and else asked for at the very place, and the
+// rest taken one bounce further on.
 Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light,
                         int depth) const {
     constexpr double kNearLuxels = 1.5;
@@ -144,8 +179,10 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                     const std::uint32_t e = emitters_.of_face[next->face.at()];
                     if (e != UINT32_MAX && !listed(patch, e)) radiance += emitters_.emitters[e].radiance;
                 }
-                return static_cast<Rgbd>(light.direct[texel]) +
-                       static_cast<Rgbd>(patches_.patches[patch].reflectance) * radiance;
+                const Rgbd reflectance = static_cast<Rgbd>(patches_.patches[patch].reflectance);
+                const Rgbd direct = light.steep[texel] ? reflectance * one_light_at(patch, hit.position + n * scene_.push_off(), n, random) * (1 / kPi)
+                                                       : static_cast<Rgbd>(light.direct[texel]);
+                return direct + reflectance * radiance;
             }
         }
     }

@@ -32,6 +32,17 @@ bool shaded_alike(const Surfaces& s, std::uint32_t t, std::size_t edge, std::uin
     return true;
 }
 
+// One chart, but the edge lies at two places of it: a curve that closes upon itself.
+bool is_parted(const Surfaces& s, std::uint32_t t, std::size_t edge, std::uint32_t u) {
+    constexpr double kSamePlace = 1e-6; // luxels
+    for (std::size_t k = 0; k < 3; ++k)
+        if (s.triangles[u][k] == s.triangles[t][edge]) {
+            const Vec2 d = s.corners_of(u)[k].luxel - s.corners_of(t)[edge].luxel;
+            return std::max(std::abs(d.x), std::abs(d.y)) > kSamePlace;
+        }
+    return false;
+}
+
 std::vector<Seam> find_seams(const Surfaces& s, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency) {
     std::vector<Seam> seams;
     for (std::uint32_t t = 0; t < s.triangles.size(); ++t)
@@ -41,7 +52,7 @@ std::vector<Seam> find_seams(const Surfaces& s, const std::vector<FaceDraft>& dr
             const Face &f = s.faces[s.triangle_face[t].at()], &g = s.faces[s.triangle_face[u].at()];
             // Light ends at the foot of what stands there.
             if (drafts[s.triangle_face[t].at()].under != drafts[s.triangle_face[u].at()].under) continue;
-            if (!f.chart.valid() || !g.chart.valid() || f.chart == g.chart) continue;
+            if (!f.chart.valid() || !g.chart.valid() || (f.chart == g.chart && !(f.curved() && is_parted(s, t, c, u)))) continue;
             if ((f.plane != g.plane || f.curved()) && !shaded_alike(s, t, c, u)) continue;
             seams.push_back({std::min(f.chart, g.chart), std::max(f.chart, g.chart), s.triangles[t][c], s.triangles[t][(c + 1) % 3]});
         }

@@ -139,7 +139,7 @@ private:
 // normals of both sides agree along it.
 struct Seam {
     static constexpr bool kRawBytes = true;
-    ChartId chart_a, chart_b;       // a < b
+    ChartId chart_a, chart_b;       // a < b; a = b: of a curve that closes upon itself
     std::uint32_t from = 0, to = 0; // positions
 };
 

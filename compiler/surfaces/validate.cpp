@@ -88,7 +88,7 @@ private:
         }
         charts.expect(texels == s.texel_count, [&] { return Finding{side({}), fmt::format("the charts have {} texels, {} are stated", texels, s.texel_count)}; });
         for (const Seam& e : s.seams)
-            seams.expect(e.chart_a < e.chart_b && e.chart_b.at() < s.charts.size() && e.from < s.positions.size() && e.to < s.positions.size(),
+            seams.expect(e.chart_a <= e.chart_b && e.chart_b.at() < s.charts.size() && e.from < s.positions.size() && e.to < s.positions.size(),
                          [&] { return Finding{side({}), fmt::format("a seam between charts {} and {} names what does not exist", e.chart_a.value, e.chart_b.value)}; });
         return charts.ok();
     }

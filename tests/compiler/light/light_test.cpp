@@ -75,6 +75,52 @@ TEST(Bake, PointLightOnABlackFloor) {
         EXPECT_NEAR(irradiance(*b->field, {x == 128 ? 127.99 : x, 0, 0}, {0, 0, 1}, 64).x, e, 1e-3);
 }
 
+// The flux through a luxel is the source's intensity times the solid angle of the luxel, however close it is.
+TEST(Bake, ALampNearerThanALuxelIsWide) {
+    for (const double height : {4.0, 8.0, 16.0, 40.0}) {
+        SurfacesBuilder scene;
+        const MaterialId black = scene.material({});
+        scene.rect({0, 0, 0}, {48, 0, 0}, {0, 48, 0}, black, {.luxel = 16});
+        const Vec3 lamp{22, 25, height};
+        const auto b = bake(std::move(scene), {.error_percent = 2}, {point_light(lamp, {1000, 1000, 1000})});
+        for (const Luxel& l : b->scene.surfaces.luxels) {
+            if (l.area < 0.99) continue;
+            const Vec3 c = center_of(b->scene.surfaces, l), x{8, 0, 0}, y{0, 8, 0};
+            const double solid = solid_angle(lamp, c - x - y, c + x - y, c + x + y) + solid_angle(lamp, c - x - y, c + x + y, c - x + y);
+            const double exact = 1000 * solid / 256;
+            EXPECT_NEAR(b->lighting.flat[texel_of(b->scene.surfaces, l)].x, exact, 0.02 * exact) << height << ": " << c.x << ' ' << c.y;
+        }
+    }
+}
+
+// Under a low lamp the light of a luxel varies steeply, and the luxel next to it in a corner sees mostly its rim.
+TEST(Bake, CornersBesideSteepLight) {
+    SurfacesBuilder scene;
+    const MaterialId white = scene.material({0.7f, 0.7f, 0.7f}), black = scene.material({});
+    scene.room({{0, 0, 0}, {128, 128, 64}}, {white, black, black, black, white, black}, {.luxel = 16});
+    const Vec3 lamp{24, 64, 4}; // over the floor, before the wall at x = 0
+    const auto b = bake(std::move(scene), {.error_percent = 2}, {point_light(lamp, {1000, 1000, 1000})});
+    const Surfaces& s = b->scene.surfaces;
+    std::size_t seen = 0;
+    for (std::size_t i = 0; i < s.luxels.size(); ++i) {
+        const Luxel& l = s.luxels[i];
+        const Vec3 n = s.charts[l.chart.at()].n, c = center_of(s, l);
+        if (n.x < 0.5 || c.z > 16 || std::abs(c.y - 64) > 16) continue; // the wall's lowest row
+        Rgbd truth;
+        constexpr std::uint32_t kPlaces = 256, kPaths = 64;
+        const Sobol points(i);
+        const Chart& chart = s.charts[l.chart.at()];
+        for (std::uint32_t k = 0; k < kPlaces; ++k) {
+            const Vec2 u = points.pair(k, 0);
+            const Vec3 p = chart.origin + (chart.s * (l.x + u.x) + chart.t * (l.y + u.y)) * chart.luxel_size;
+            reference_arriving(*b->field, p, n, kPaths, mix(i, k), [&](Vec3 d, Rgbd w) { truth += w * (std::max(0.0, dot(d, n)) / kPlaces); });
+        }
+        ++seen;
+        EXPECT_NEAR(b->lighting.flat[texel_of(s, l)].x, truth.x, 0.04 * truth.x) << c.y << ' ' << c.z; // the path tracer's noise is 1 %
+    }
+    EXPECT_GE(seen, 2u);
+}
+
 // Parallel squares at distance 1: mean irradiance of the one is pi F.
 TEST(Bake, ParallelSquares) {
     SurfacesBuilder scene;

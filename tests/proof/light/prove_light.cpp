@@ -1,5 +1,6 @@
-// Long proofs about light; their short forms are in the test suite. usage: prove_light leaks [PART OF A NAME]
+// Long proofs about light; their short forms are in the test suite. usage: prove_light leaks|seams [PART OF A NAME]
 #include "tests/proof/light/leaks.h"
+#include "tests/proof/light/seams.h"
 #include <cstdio>
 #include <cstring>
 
@@ -23,10 +24,27 @@ bool leaks(const char* part) {
     std::printf("%zu maps, %zu bakes, %zu leak\n", maps, runs, bad);
     return maps > 0 && bad == 0;
 }
+bool seams(const char* part) {
+    constexpr double kP99 = 0.005, kMost = 0.02;
+    std::size_t maps = 0, bad = 0;
+    std::printf("%-56s %7s %9s %9s %9s %9s\n", "map: how both sides differ, per cent", "points", "flat p99", "flat max", "leaning99", "leaningmax");
+    for (const kiln::proof::SeamMap& m : kiln::proof::seam_maps()) {
+        if (m.name.find(part) == std::string::npos) continue;
+        const kiln::proof::SeamsFound f = kiln::proof::find_seams_shown(m, 5);
+        const bool ok = f.compiled && std::max(f.flat_p99, f.leaning_p99) < kP99 && std::max(f.flat_most, f.leaning_most) < kMost && f.dark <= 1e-6;
+        ++maps, bad += !ok;
+        std::printf("%-56s %7zu %9.3f %9.3f %9.3f %9.3f%s\n", m.name.c_str(), f.points, 100 * f.flat_p99, 100 * f.flat_most, 100 * f.leaning_p99,
+                    100 * f.leaning_most, ok ? "" : ("  SEAM " + (f.compiled ? f.where : std::string("does not compile"))).c_str());
+        std::fflush(stdout);
+    }
+    std::printf("%zu maps, %zu show seams\n", maps, bad);
+    return maps > 0 && bad == 0;
+}
 } // namespace
 
 int main(int argc, char** argv) {
     if (argc > 1 && !std::strcmp(argv[1], "leaks")) return leaks(argc > 2 ? argv[2] : "") ? 0 : 1;
-    std::puts("usage: prove_light leaks [PART OF A NAME]");
+    if (argc > 1 && !std::strcmp(argv[1], "seams")) return seams(argc > 2 ? argv[2] : "") ? 0 : 1;
+    std::puts("usage: prove_light leaks|seams [PART OF A NAME]");
     return 2;
 }

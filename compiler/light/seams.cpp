@@ -1,0 +1,544 @@
+#include "compiler/light/seams.h"
+#include "compiler/light/bake.h"
+#include "libs/parallel/parallel.h"
+#include <cmath>
+#include <numeric>
+#include <tuple>
+
+namespace kiln {
+
+Bilinear bilinear_at(const Chart& c, Vec2 luxel) {
+    Bilinear out;
+    std::array<std::uint32_t, 2> x{}, y{};
+    const auto axis = [](double v, std::uint32_t size, std::array<std::uint32_t, 2>& at) {
+        v = std::clamp(v - 0.5, 0.0, size - 1.0);
+        at[0] = static_cast<std::uint32_t>(v), at[1] = std::min(at[0] + 1, size - 1);
+        return v - at[0];
+    };
+    const double u = axis(luxel.x, c.width, x), v = axis(luxel.y, c.height, y);
+    for (std::size_t k = 0; k < 4; ++k) {
+        out.texel[k] = c.first_texel + y[k / 2] * c.width + x[k % 2];
+        out.weight[k] = (k % 2 ? u : 1 - u) * (k / 2 ? v : 1 - v);
+    }
+    return out;
+}
+
+namespace {
+
+// A triangle's side of a seam: its edge from corner e to corner e + 1.
+struct Side {
+    std::uint32_t triangle = 0;
+    std::size_t edge = 0;
+};
+
+// The two triangles of each seam: of the charts it names, along its edge in opposite directions, with the same normals there.
+std::vector<std::array<Side, 2>> sides_of_seams(const Surfaces& s) {
+    const auto key = [](std::uint32_t a, std::uint32_t b) { return std::uint64_t{std::min(a, b)} << 32 | std::max(a, b); };
+    std::vector<std::uint64_t> wanted;
+    for (const Seam& seam : s.seams) wanted.push_back(key(seam.from, seam.to));
+    std::ranges::sort(wanted);
+    std::vector<std::pair<std::uint64_t, Side>> found; // by edge, then in the order of the triangles
+    for (std::uint32_t t = 0; t < s.triangles.size(); ++t)
+        for (std::size_t e = 0; e < 3; ++e)
+            if (const std::uint64_t k = key(s.triangles[t][e], s.triangles[t][(e + 1) % 3]); std::ranges::binary_search(wanted, k)) found.push_back({k, {t, e}});
+    std::ranges::stable_sort(found, {}, [](const auto& f) { return f.first; });
+
+    constexpr std::uint32_t kNone = UINT32_MAX;
+    std::vector<std::array<Side, 2>> out;
+    for (const Seam& seam : s.seams) {
+        std::array<Side, 2> sides{{{kNone, 0}, {kNone, 0}}};
+        const auto at = std::ranges::equal_range(found, key(seam.from, seam.to), {}, [](const auto& f) { return f.first; });
+        for (const auto& [k, a] : at)
+            for (const auto& [l, b] : at) {
+                if (sides[0].triangle != kNone || a.triangle == b.triangle) continue;
+                if (s.faces[s.triangle_face[a.triangle].at()].chart != seam.chart_a || s.faces[s.triangle_face[b.triangle].at()].chart != seam.chart_b) continue;
+                const auto corner = [&](const Side& side, std::size_t i) { return (side.edge + i) % 3; };
+                if (s.triangles[a.triangle][corner(a, 0)] != s.triangles[b.triangle][corner(b, 1)]) continue;
+                if (s.corner_normals[a.triangle][corner(a, 0)] != s.corner_normals[b.triangle][corner(b, 1)] ||
+                    s.corner_normals[a.triangle][corner(a, 1)] != s.corner_normals[b.triangle][corner(b, 0)]) continue;
+                sides = {a, b};
+            }
+        out.push_back(sides);
+    }
+    return out;
+}
+
+} // namespace
+
+std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, const TraceScene& scene, double density, Context& context) {
+    constexpr double kHeight = 0.125; // map units over the surfaces, for what stands on them; doors of maps hang no higher over a floor
+    constexpr double kInside = 1e-3;  // luxels
+    const std::vector<std::array<Side, 2>> sides = sides_of_seams(s);
+    std::vector<std::vector<SeamPoint>> points(sides.size());
+    parallel_for(context, sides.size(), [&](std::size_t i) {
+        if (sides[i][0].triangle == UINT32_MAX) return;
+        std::array<FaceId, 2> face;
+        std::array<const Chart*, 2> chart{};
+        std::array<std::array<Vec2, 2>, 2> ends{}; // of each side, in luxels: at the edge's two ends
+        std::array<Vec3, 2> inwards;
+        const Side& first = sides[i][0];
+        const Vec3 p = s.positions[s.triangles[first.triangle][first.edge]], q = s.positions[s.triangles[first.triangle][(first.edge + 1) % 3]];
+        const Vec3 n0 = static_cast<Vec3>(s.corner_normals[first.triangle][first.edge]), n1 = static_cast<Vec3>(s.corner_normals[first.triangle][(first.edge + 1) % 3]);
+        if (!(length(q - p) > 0)) return;
+        double luxels = 0;
+        for (std::size_t k = 0; k < 2; ++k) {
+            face[k] = s.triangle_face[sides[i][k].triangle];
+            chart[k] = &s.charts[s.faces[face[k].at()].chart.at()];
+            ends[k] = {luxel_from_world(s, face[k], p), luxel_from_world(s, face[k], q)};
+            inwards[k] = normalize(cross(s.faces[face[k].at()].normal, q - p)) * (k == 0 ? 1.0 : -1.0);
+            const Vec2 along = ends[k][1] - ends[k][0];
+            luxels = std::max(luxels, std::hypot(along.x, along.y));
+        }
+        const auto count = static_cast<std::size_t>(std::max(1.0, std::ceil(density * luxels)));
+        for (std::size_t j = 0; j < count; ++j) {
+            const double at = (static_cast<double>(j) + 0.5) / static_cast<double>(count);
+            SeamPoint point;
+            point.seam = static_cast<std::uint32_t>(i), point.face = face;
+            point.position = p + (q - p) * at, point.along = normalize(q - p), point.inwards = inwards;
+            const Vec3 n = n0 + (n1 - n0) * at;
+            point.normal = length(n) > 1e-6 ? normalize(n) : s.faces[face[0].at()].normal;
+            bool open = true;
+            const Vec3 over = point.position + point.normal * kHeight;
+            for (std::size_t k = 0; k < 2 && open; ++k) {
+                const Face& f = s.faces[face[k].at()];
+                point.luxel[k] = ends[k][0] + (ends[k][1] - ends[k][0]) * at;
+                point.frame[k] = chart[k]->smooth ? shading_frame(chart[k]->curved() ? f.tangent : chart[k]->frame, point.normal) : chart[k]->frame;
+                // Baked there: a luxel that lies in what is solid, or in a door, is filled in.
+                const double reach = 0.5 * std::sqrt(luxel_area(s, face[k])); // half a luxel
+                const Vec2 within = luxel_from_world(s, face[k], point.position + inwards[k] * (2 * kInside * reach));
+                const auto x = static_cast<std::uint32_t>(std::clamp(within.x, 0.0, chart[k]->width - 1.0)), y = static_cast<std::uint32_t>(std::clamp(within.y, 0.0, chart[k]->height - 1.0));
+                open = lighting.valid[chart[k]->first_texel + y * chart[k]->width + x] == 1;
+                if (!open) break;
+                // Walls of this mesh end it, and so are no seam. What stands on it without cutting it does so here: brush models, terrain.
+                const std::optional<SceneHit> hit = scene.closest(over, inwards[k], reach);
+                if (!hit) continue;
+                const Face& by = s.faces[hit->face.at()];
+                open = by.model == f.model && by.curved() == f.curved() && !hit->back;
+            }
+            if (open) points[i].push_back(point);
+        }
+    });
+    std::vector<SeamPoint> out;
+    for (const auto& some : points) out.insert(out.end(), some.begin(), some.end());
+    return out;
+}
+
+namespace {
+
+// What a row of the fit asks: the sum of weight * texel, both sides together, to be 0.
+struct Row {
+    static constexpr std::size_t kMost = 24; // texels of both sides, three values each
+    std::array<std::uint32_t, kMost> unknown{};
+    std::array<double, kMost> weight{};
+    std::size_t count = 0;
+    void add(std::uint32_t u, double w) {
+        for (std::size_t i = 0; i < count; ++i)
+            if (unknown[i] == u) { // a chart that meets itself
+                weight[i] += w;
+                return;
+            }
+        unknown[count] = u, weight[count] = w, ++count;
+    }
+};
+
+// Minimises  sum of rows (sum of weight * x)^2 + sum of keep * (x - start)^2, where asked with x >= 0, one colour.
+// Conjugate gradients, preconditioned by the diagonal. Values that would fall below 0 are held there and the others solved for again.
+class Fit {
+public:
+    std::vector<Row> rows;
+    std::vector<double> keep;        // per unknown
+    bool non_negative = true;
+
+    // From its own solution once more: what holding to the values leaves of a mismatch shrinks by the same factor again, where the
+    // texels can follow at all.
+    std::vector<double> solve(const std::vector<double>& start) const { return nearest(nearest(start)); }
+
+private:
+    std::vector<double> nearest(const std::vector<double>& start) const {
+        constexpr int kHolds = 8;
+        std::vector<double> x = start;
+        std::vector<bool> held(x.size());
+        for (int round = 0; round < kHolds; ++round) {
+            descend(start, held, x);
+            bool more = false;
+            for (std::size_t i = 0; i < x.size(); ++i)
+                if (non_negative && !held[i] && x[i] < 0) held[i] = more = true, x[i] = 0;
+            if (!more) break;
+        }
+        return x;
+    }
+
+    void descend(const std::vector<double>& start, const std::vector<bool>& held, std::vector<double>& x) const {
+        constexpr double kSmall = 1e-6; // of the first residual: rows then miss by that much of what they missed by
+        constexpr int kMostSteps = 1000;
+        const std::size_t n = x.size();
+        std::vector<double> diagonal = keep, residual(n), step(n), image(n), scaled(n);
+        for (const Row& row : rows)
+            for (std::size_t i = 0; i < row.count; ++i) diagonal[row.unknown[i]] += row.weight[i] * row.weight[i];
+        const auto apply = [&](const std::vector<double>& v, std::vector<double>& out) {
+            for (std::size_t i = 0; i < n; ++i) out[i] = keep[i] * v[i];
+            for (const Row& row : rows) {
+                double sum = 0;
+                for (std::size_t i = 0; i < row.count; ++i) sum += row.weight[i] * v[row.unknown[i]];
+                for (std::size_t i = 0; i < row.count; ++i) out[row.unknown[i]] += row.weight[i] * sum;
+            }
+            for (std::size_t i = 0; i < n; ++i)
+                if (held[i]) out[i] = 0;
+        };
+        const auto product = [&](const std::vector<double>& a, const std::vector<double>& b) {
+            double sum = 0;
+            for (std::size_t i = 0; i < n; ++i) sum += a[i] * b[i];
+            return sum;
+        };
+        { // keep * start - A x; what is held has its place in A x, and no equation
+            std::vector<bool> none(n);
+            std::vector<double> all(n);
+            for (std::size_t i = 0; i < n; ++i) all[i] = keep[i] * x[i];
+            for (const Row& row : rows) {
+                double sum = 0;
+                for (std::size_t i = 0; i < row.count; ++i) sum += row.weight[i] * x[row.unknown[i]];
+                for (std::size_t i = 0; i < row.count; ++i) all[row.unknown[i]] += row.weight[i] * sum;
+            }
+            for (std::size_t i = 0; i < n; ++i) residual[i] = held[i] ? 0 : keep[i] * start[i] - all[i];
+        }
+        const auto scale = [&] {
+            for (std::size_t i = 0; i < n; ++i) scaled[i] = residual[i] / diagonal[i];
+        };
+        scale();
+        step = scaled;
+        double rho = product(residual, scaled);
+        const double stop = rho * kSmall * kSmall;
+        for (int k = 0; k < kMostSteps && rho > stop; ++k) {
+            apply(step, image);
+            const double curvature = product(step, image);
+            if (!(curvature > 0)) break;
+            const double a = rho / curvature;
+            for (std::size_t i = 0; i < n; ++i) x[i] += a * step[i], residual[i] -= a * image[i];
+            scale();
+            const double next = product(residual, scaled);
+            for (std::size_t i = 0; i < n; ++i) step[i] = scaled[i] + step[i] * (next / rho);
+            rho = next;
+        }
+    }
+};
+
+// How much a texel holds to its value, against rows of weight 1, all relative to the light there.
+constexpr double kKeepBaked = 2e-3;  // of a whole luxel as exact as most
+constexpr double kKeepFilled = 3e-4; // of a texel that no face covers: it was made up
+constexpr double kOrdinaryNoise = 0.02;
+constexpr double kLean = 0.5;        // sine of the angle by which the normals lean that directional light is compared for
+constexpr double kDensity = 8;       // points a luxel
+
+struct Texel {
+    Rgbd flat;
+    std::array<Rgbd, 3> rnm{};
+};
+
+// The part of a match whose points read common texels.
+struct Part {
+    std::vector<SeamPoint> points;
+    std::vector<std::array<Bilinear, 2>> reads; // of each point
+    std::vector<std::uint32_t> texels;          // all that are read, ascending
+    std::vector<ChartId> charts;                // of each
+    std::vector<Texel> value;                   // of each
+    std::size_t index(std::uint32_t texel) const { return static_cast<std::size_t>(std::ranges::lower_bound(texels, texel) - texels.begin()); }
+};
+
+class Matching {
+public:
+    Matching(const Surfaces& surfaces, double floor, Lighting& lighting) : s_(surfaces), floor_(floor), light_(lighting), luxel_(surfaces.texel_count, UINT32_MAX) {
+        for (std::uint32_t l = 0; l < s_.luxels.size(); ++l) {
+            const Chart& c = s_.charts[s_.luxels[l].chart.at()];
+            luxel_[c.first_texel + s_.luxels[l].y * c.width + s_.luxels[l].x] = l;
+        }
+    }
+    void run(std::span<const SeamPoint> points, Context& context);
+
+private:
+    const Surfaces& s_;
+    const double floor_;
+    Lighting& light_;
+    std::vector<std::uint32_t> luxel_; // of each texel
+
+    bool directional(ChartId chart) const { return light_.rnm_first[chart.at()] != UINT32_MAX; }
+    const Chart& chart_of(const SeamPoint& p, std::size_t k) const { return s_.charts[s_.faces[p.face[k].at()].chart.at()]; }
+    Texel baked(ChartId chart, std::uint32_t texel) const {
+        Texel out{static_cast<Rgbd>(light_.flat[texel])};
+        if (directional(chart))
+            for (std::size_t i = 0; i < 3; ++i) out.rnm[i] = static_cast<Rgbd>(light_.rnm[light_.rnm_first[chart.at()] + (texel - s_.charts[chart.at()].first_texel)][i]);
+        return out;
+    }
+    double keep(std::uint32_t texel) const {
+        const double v = std::max(static_cast<double>(mean(light_.flat[texel])), floor_);
+        if (light_.valid[texel] != 1 || luxel_[texel] == UINT32_MAX) return kKeepFilled / (v * v);
+        const double noise = light_.texel_error[texel] / kOrdinaryNoise;
+        return std::max(kKeepFilled, kKeepBaked * std::min(1.0f, s_.luxels[luxel_[texel]].area) / (1 + noise * noise)) / (v * v);
+    }
+    void prepare(Part& part) const;
+    void go_on(Part& part) const;
+    void fit_flat(Part& part) const;
+    void fit_directional(Part& part) const;
+    void agree(Texel& t) const;
+};
+
+void Matching::prepare(Part& part) const {
+    std::vector<std::pair<std::uint32_t, ChartId>> texels;
+    for (const SeamPoint& p : part.points) {
+        part.reads.emplace_back();
+        for (std::size_t k = 0; k < 2; ++k) {
+            const Bilinear& b = part.reads.back()[k] = bilinear_at(chart_of(p, k), p.luxel[k]);
+            for (std::size_t i = 0; i < 4; ++i)
+                if (b.weight[i] > 0) texels.emplace_back(b.texel[i], s_.faces[p.face[k].at()].chart);
+        }
+    }
+    std::ranges::sort(texels, {}, [](const auto& t) { return t.first; });
+    texels.erase(std::unique(texels.begin(), texels.end()), texels.end());
+    for (const auto& [texel, chart] : texels) part.texels.push_back(texel), part.charts.push_back(chart), part.value.push_back(baked(chart, texel));
+}
+
+// What a texel would hold if the surface did not end at the edge: the mean over all of its square, what lies beyond the edge taken
+// from there. A luxel in part on the face holds the mean of that part only, and the gutter what stands beside it; both are
+// wrong by the light's slope over half a luxel, which is most of what shows at a seam. The other side's own such texels are
+// found in the same way, so it is done a few times.
+void Matching::go_on(Part& part) const {
+    constexpr int kRounds = 4, kAcross = 4; // places along a square's side
+    struct Place {                          // beyond the edge: where on the other side
+        std::size_t texel = 0, point = 0, side = 0;
+        Bilinear read;
+        double weight = 0;
+    };
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> by_texel; // texel, 2 point + side
+    for (std::uint32_t j = 0; j < part.points.size(); ++j)
+        for (std::uint32_t k = 0; k < 2; ++k)
+            for (std::size_t i = 0; i < 4; ++i)
+                if (part.reads[j][k].weight[i] > 0) by_texel.emplace_back(part.reads[j][k].texel[i], 2 * j + k);
+    std::ranges::sort(by_texel);
+    const std::vector<Texel> start = part.value;
+    std::vector<Place> places;
+    std::vector<double> own(part.texels.size(), 1); // share of what the texel keeps of its own
+    for (std::size_t t = 0; t < part.texels.size(); ++t) {
+        const std::uint32_t texel = part.texels[t];
+        const Luxel* luxel = light_.valid[texel] == 1 && luxel_[texel] != UINT32_MAX ? &s_.luxels[luxel_[texel]] : nullptr;
+        if (luxel && luxel->area > 0.999f) continue;
+        const Chart& chart = s_.charts[part.charts[t].at()];
+        const std::uint32_t at = texel - chart.first_texel;
+        const auto seen = std::ranges::equal_range(by_texel, texel, {}, [](const auto& x) { return x.first; });
+        int inside = 0;
+        const std::size_t first = places.size();
+        for (int q = 0; q < kAcross * kAcross; ++q) {
+            const Vec2 place{at % chart.width + (q % kAcross + 0.5) / kAcross, at / chart.width + (q / kAcross + 0.5) / kAcross};
+            bool here = false;
+            for (std::uint32_t k = 0; luxel && k < luxel->piece_count && !here; ++k) {
+                const PiecePoints polygon = points_of(s_, s_.pieces[luxel->first_piece + k]);
+                here = true;
+                for (std::size_t i = 0; i < polygon.size() && here; ++i) here = cross(polygon[(i + 1) % polygon.size()] - polygon[i], place - polygon[i]) >= 0;
+            }
+            inside += here;
+            if (here) continue;
+            std::uint32_t nearest = 0;
+            double least = 1e30;
+            for (const auto& [x, code] : seen) {
+                const Vec2 d = place - part.points[code / 2].luxel[code % 2];
+                if (dot(d, d) < least) least = dot(d, d), nearest = code;
+            }
+            // Unfolded about the edge there.
+            const std::size_t k = nearest % 2;
+            const SeamPoint& p = part.points[nearest / 2];
+            const Vec3 away = world_from_luxel(s_, p.face[k], place) - p.position;
+            const double beyond = -dot(away, p.inwards[k]);
+            if (beyond <= 0) continue; // off the face elsewhere
+            const Vec2 other = luxel_from_world(s_, p.face[1 - k], p.position + p.along * dot(away, p.along) + p.inwards[1 - k] * beyond);
+            const Chart& c = chart_of(p, 1 - k);
+            if (!(other.x >= 0 && other.y >= 0 && other.x < c.width && other.y < c.height)) continue;
+            if (light_.valid[c.first_texel + static_cast<std::uint32_t>(other.y) * c.width + static_cast<std::uint32_t>(other.x)] != 1) continue;
+            places.push_back({t, nearest / 2, k, bilinear_at(c, other), 0});
+        }
+        const auto found = static_cast<double>(places.size() - first);
+        if (!(found > 0)) continue;
+        own[t] = luxel ? luxel->area : 0;
+        for (std::size_t i = first; i < places.size(); ++i) places[i].weight = (1 - own[t]) / found;
+    }
+    const auto linear = [&](const std::array<Rgbd, 3>& stored, Vec3 n) { // rnm_evaluate, below 0 too
+        if (light_.encoding == RnmEncoding::sq) {
+            const std::array<Rgb, 3> rounded{static_cast<Rgb>(stored[0]), static_cast<Rgb>(stored[1]), static_cast<Rgb>(stored[2])};
+            return rnm_evaluate(light_.encoding, rounded, n);
+        }
+        Rgbd e;
+        for (std::size_t i = 0; i < 3; ++i) e += stored[i] * dot(kRnmBasis[i], n);
+        return e;
+    };
+    for (int round = 0; round < kRounds; ++round) {
+        std::vector<Texel> next = start;
+        for (std::size_t t = 0; t < next.size(); ++t) {
+            next[t].flat *= own[t];
+            for (Rgbd& r : next[t].rnm) r *= own[t];
+        }
+        for (const Place& place : places) {
+            const SeamPoint& p = part.points[place.point];
+            const ChartId chart = s_.faces[p.face[1 - place.side].at()].chart;
+            Texel sum;
+            for (std::size_t i = 0; i < 4; ++i) {
+                if (!(place.read.weight[i] > 0)) continue;
+                const std::size_t at = part.index(place.read.texel[i]);
+                const Texel v = at < part.texels.size() && part.texels[at] == place.read.texel[i] ? part.value[at] : baked(chart, place.read.texel[i]);
+                sum.flat += v.flat * place.read.weight[i];
+                for (std::size_t m = 0; m < 3; ++m) sum.rnm[m] += v.rnm[m] * place.read.weight[i];
+            }
+            Texel& to = next[place.texel];
+            to.flat += sum.flat * place.weight;
+            if (!directional(part.charts[place.texel])) continue;
+            for (std::size_t m = 0; m < 3; ++m) // along the basis of this side
+                to.rnm[m] += (directional(chart) ? linear(sum.rnm, p.frame[1 - place.side].local(p.frame[place.side].world(kRnmBasis[m]))) : start[place.texel].rnm[m]) * place.weight;
+        }
+        part.value = std::move(next);
+    }
+}
+
+// The flat value and what the directional ones say for the flat normal are one thing.
+void Matching::agree(Texel& t) const {
+    if (light_.encoding == RnmEncoding::tilted) return;
+    const bool sq = light_.encoding == RnmEncoding::sq;
+    for (std::size_t c = 0; c < 3; ++c) {
+        std::array<double, 3> v{t.rnm[0][c], t.rnm[1][c], t.rnm[2][c]}, sorted = v;
+        const double total = (sq ? 3.0 : std::sqrt(3.0)) * t.flat[c];
+        double shift = (total - v[0] - v[1] - v[2]) / 3;
+        if (sq) { // the nearest without a negative one, as LuxelKernel::finish
+            std::sort(sorted.begin(), sorted.end(), std::greater<>());
+            double partial = 0;
+            for (std::size_t k = 0; k < 3; ++k) {
+                partial += sorted[k];
+                const double by = (total - partial) / static_cast<double>(k + 1);
+                if (k == 0 || sorted[k] + by > 0) shift = by;
+            }
+        }
+        for (std::size_t i = 0; i < 3; ++i) t.rnm[i][c] = sq ? std::max(0.0, v[i] + shift) : v[i] + shift;
+    }
+}
+
+void Matching::fit_flat(Part& part) const {
+    Fit fit;
+    for (const std::uint32_t t : part.texels) fit.keep.push_back(keep(t));
+    for (const auto& read : part.reads) {
+        Row row;
+        double shown = 0;
+        for (std::size_t k = 0; k < 2; ++k)
+            for (std::size_t i = 0; i < 4; ++i) {
+                if (!(read[k].weight[i] > 0)) continue;
+                const std::size_t u = part.index(read[k].texel[i]);
+                row.add(static_cast<std::uint32_t>(u), k ? -read[k].weight[i] : read[k].weight[i]);
+                shown += 0.5 * read[k].weight[i] * mean(part.value[u].flat);
+            }
+        for (double& w : row.weight) w /= std::max(shown, floor_);
+        fit.rows.push_back(row);
+    }
+    std::vector<double> start(part.texels.size());
+    for (std::size_t c = 0; c < 3; ++c) {
+        for (std::size_t i = 0; i < start.size(); ++i) start[i] = part.value[i].flat[c];
+        const std::vector<double> x = fit.solve(start);
+        for (std::size_t i = 0; i < start.size(); ++i) part.value[i].flat[c] = x[i];
+    }
+}
+
+// What both sides show for three leaning normals of the world. Where the flat light is the same on both sides too that is one
+// condition more than there are numbers to a texel, and `agree` makes them follow it.
+void Matching::fit_directional(Part& part) const {
+    Fit fit;
+    fit.non_negative = light_.encoding != RnmEncoding::dot;
+    for (const std::uint32_t t : part.texels) fit.keep.insert(fit.keep.end(), 3, keep(t));
+    for (std::size_t j = 0; j < part.points.size(); ++j) {
+        const SeamPoint& p = part.points[j];
+        if (!directional(s_.faces[p.face[0].at()].chart) || !directional(s_.faces[p.face[1].at()].chart)) continue;
+        const Frame common{p.frame[0].t, cross(p.normal, p.frame[0].t), p.normal};
+        for (int normal = 0; normal < 3; ++normal) {
+            const double turn = 2 * std::numbers::pi * normal / 3;
+            const Vec3 n = common.world({kLean * std::cos(turn), kLean * std::sin(turn), std::sqrt(1 - kLean * kLean)});
+            Row row;
+            double shown = 0;
+            for (std::size_t k = 0; k < 2; ++k)
+                for (std::size_t m = 0; m < 3; ++m) {
+                    std::array<Rgb, 3> one{};
+                    one[m] = {1, 1, 1};
+                    const double share = rnm_evaluate(light_.encoding, one, p.frame[k].local(n)).x;
+                    for (std::size_t i = 0; i < 4; ++i) {
+                        if (!(part.reads[j][k].weight[i] > 0)) continue;
+                        const double weight = part.reads[j][k].weight[i] * share;
+                        const std::size_t u = part.index(part.reads[j][k].texel[i]);
+                        row.add(static_cast<std::uint32_t>(3 * u + m), k ? -weight : weight);
+                        shown += 0.5 * weight * mean(part.value[u].rnm[m]);
+                    }
+                }
+            for (double& w : row.weight) w /= std::max(shown, floor_);
+            fit.rows.push_back(row);
+        }
+    }
+    if (fit.rows.empty()) return;
+    std::vector<double> start(3 * part.texels.size());
+    for (std::size_t c = 0; c < 3; ++c) {
+        for (std::size_t i = 0; i < start.size(); ++i) start[i] = part.value[i / 3].rnm[i % 3][c];
+        const std::vector<double> x = fit.solve(start);
+        for (std::size_t i = 0; i < start.size(); ++i) part.value[i / 3].rnm[i % 3][c] = x[i];
+    }
+}
+
+void Matching::run(std::span<const SeamPoint> points, Context& context) {
+    // Points that read a common texel are fitted together; the others need not wait for each other.
+    std::vector<std::uint32_t> root(s_.texel_count);
+    std::iota(root.begin(), root.end(), 0u);
+    const auto find = [&](std::uint32_t x) {
+        while (root[x] != x) x = root[x] = root[root[x]];
+        return x;
+    };
+    std::vector<std::uint32_t> any(points.size(), UINT32_MAX);
+    for (std::size_t j = 0; j < points.size(); ++j)
+        for (std::size_t k = 0; k < 2; ++k) {
+            const Bilinear read = bilinear_at(chart_of(points[j], k), points[j].luxel[k]);
+            for (std::size_t i = 0; i < 4; ++i) {
+                if (!(read.weight[i] > 0)) continue;
+                if (any[j] == UINT32_MAX) any[j] = read.texel[i];
+                const std::uint32_t a = find(any[j]), b = find(read.texel[i]);
+                root[std::max(a, b)] = std::min(a, b);
+            }
+        }
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> order; // root, point
+    for (std::uint32_t j = 0; j < points.size(); ++j) order.emplace_back(find(any[j]), j);
+    std::ranges::sort(order);
+    std::vector<Part> parts;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+        if (i == 0 || order[i].first != order[i - 1].first) parts.emplace_back();
+        parts.back().points.push_back(points[order[i].second]);
+    }
+    // All from what was baked; nothing is written before all are done, for they look beyond their own texels.
+    parallel_for(context, "light: seams", parts.size(), [&](std::size_t i) {
+        Part& part = parts[i];
+        prepare(part);
+        go_on(part);
+        fit_flat(part);
+        fit_directional(part);
+    });
+    for (Part& part : parts)
+        for (std::size_t t = 0; t < part.texels.size(); ++t) {
+            const ChartId chart = part.charts[t];
+            light_.flat[part.texels[t]] = static_cast<Rgb>(part.value[t].flat);
+            if (!directional(chart)) continue;
+            agree(part.value[t]);
+            auto& stored = light_.rnm[light_.rnm_first[chart.at()] + (part.texels[t] - s_.charts[chart.at()].first_texel)];
+            for (std::size_t m = 0; m < 3; ++m) stored[m] = static_cast<Rgb>(part.value[t].rnm[m]);
+        }
+}
+
+} // namespace
+
+void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context) {
+    if (surfaces.seams.empty()) return;
+    double sum = 0, area = 0;
+    for (const Luxel& l : surfaces.luxels) {
+        const Chart& c = surfaces.charts[l.chart.at()];
+        const double a = l.area * luxel_area(surfaces, l.face);
+        sum += a * mean(lighting->flat[c.first_texel + l.y * c.width + l.x]), area += a;
+    }
+    if (!(sum > 0)) return; // all dark
+    const std::vector<SeamPoint> points = seam_points(surfaces, *lighting, scene, kDensity, context);
+    Matching(surfaces, error_floor * sum / area, *lighting).run(points, context);
+}
+
+} // namespace kiln

@@ -1,0 +1,39 @@
+// Seams: where two charts meet without an edge that is to be seen, both show the same light along it.
+//
+// A run time filters each chart by itself, so on a common edge two charts show what each makes of its own luxels and of the gutter
+// around them. Here the texels that such an edge reads are fitted, as little as possible, until both sides show the same: flat
+// light, and directional light for the same normals in the world.
+//
+// Source   M. Iwanicki, "Lighting Technology of The Last of Us", SIGGRAPH 2013 talks, for fitting texels to points along edges;
+//          what is fitted, weighed and left alone is ours: NOTES.md
+#pragma once
+#include "compiler/light/field.h"
+#include <array>
+
+namespace kiln {
+
+// Four texels (indices over all charts) and their weights: what a bilinear lookup reads, never outside the chart.
+struct Bilinear {
+    std::array<std::uint32_t, 4> texel{};
+    std::array<double, 4> weight{};
+};
+Bilinear bilinear_at(const Chart& chart, Vec2 luxel);
+
+// A point of an edge between two charts, seen from both.
+struct SeamPoint {
+    std::uint32_t seam = 0; // index into Surfaces::seams
+    Vec3 position, normal;  // the shading normal that both sides have there
+    Vec3 along;             // unit, of the edge
+    std::array<FaceId, 2> face;
+    std::array<Vec3, 2> inwards; // unit, across the edge in each face
+    std::array<Vec2, 2> luxel;
+    std::array<Frame, 2> frame; // that each side's directional light is read in
+};
+// Points along all seams, `density` to a luxel of the finer side, where light may go from one side to the other: the surfaces of one
+// mesh go on, both are baked there, and nothing stands on the edge. In the order of the seams.
+std::vector<SeamPoint> seam_points(const Surfaces& surfaces, const Lighting& lighting, const TraceScene& scene, double density, Context& context);
+
+// Fits the texels of `lighting` that seams read. `error_floor`: share of the mean light below which differences are not relative.
+void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context);
+
+} // namespace kiln
