@@ -186,7 +186,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.portals = vis_portals(out.bsp);
     if (done(Stage::bsp)) return true;
 
-    const auto surfaces = stages.run(Stage::surfaces, 7, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
+    const auto surfaces = stages.run(Stage::surfaces, 8, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;
@@ -211,7 +211,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
         if (!built) built = std::make_unique<LightField>(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, out.lighting);
         return *built;
     };
-    const auto ambient = stages.run(Stage::ambient, 3, all(lit, *light, options.ambient), places, out.ambient,
+    const auto ambient = stages.run(Stage::ambient, 4, all(lit, *light, options.ambient), places, out.ambient,
                                     [&] { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context); });
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;

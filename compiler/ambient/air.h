@@ -16,6 +16,10 @@ struct AirHit {
     Vec3 normal;           // unit, of the face hit
     bool back = false;     // met from behind: the ray started in something solid
 };
+struct HalfSpace {         // dot(normal, p) <= distance
+    Vec3 normal;           // unit
+    double distance = 0;   // map units
+};
 struct DirectLight {
     Vec3 direction;        // unit, towards the light
     Rgbd irradiance;       // on a plane facing it, were it not occluded
@@ -25,6 +29,9 @@ struct Air {
     Box3 bounds;                                                      // all air lies in it; may be empty
     std::function<std::vector<AirPart>(const Box3&)> parts;           // sorted by leaf
     std::function<std::uint32_t(Vec3)> leaf_of;                       // kNoLeaf: not air
+    // Just in front of what blocks light in the box and the half-spaces, and behind it where that is air too: one in the
+    // middle of each triangle's part and one in each of its corners. May be empty: nothing to be found so.
+    std::function<std::vector<Vec3>(const Box3&, const std::vector<HalfSpace>&)> beside_faces;
     std::function<std::optional<AirHit>(Vec3 origin, Vec3 unit_direction)> closest;
     std::function<bool(Vec3 from, Vec3 to)> clear;                    // symmetric
     std::function<void(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival&)> rest; // all but entity lights

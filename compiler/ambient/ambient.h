@@ -9,8 +9,9 @@
 //
 // Run time, at a point p:
 //   1. root cell floor((p - origin) / root_size), then down `tree` by halves to a cell (INT32_MIN: no answer);
-//   2. while cell.beyond names a cell and dot(plane_normal, p) > plane_distance: go to that cell. The planes lie
-//      inside walls that cross the cell: each side has corners of its own;
+//   2. while cell.beyond names a cell: where dot(plane_normal, p) > plane_distance go to that cell, else, where
+//      cell.behind names one, to that; where it names none this is the cell. The planes lie inside walls that cross the
+//      cell: each side has corners of its own;
 //   3. f = (p - cell.lo) / cell.size, clamped per axis to [1/1024, 1023/1024] so that some weight is always left;
 //      weight of corner i = product of f or 1 - f if bit i of the mask is set, else 0; divided by their sum;
 //   4. cube = sum of weight * irradiance; a local light counts with the sum of the weights of the corners that list
@@ -48,7 +49,10 @@ struct AmbientCell {                 // cubic, side = root size / 2^level
     Vec3 plane_normal{};             // unit; with plane_distance (map units) valid where `beyond` is
     double plane_distance = 0;
     std::uint32_t beyond = UINT32_MAX; // cell for dot(plane_normal, p) > plane_distance; UINT32_MAX: this one is all
-    template <class A> void fields(A& a) { a(lo, size, cubes, mask, plane_normal, plane_distance, beyond); }
+    // With `beyond`: cell for all else; UINT32_MAX: this one. Where it names one, the corners here are those of some part
+    // behind the plane, for who does not know of it.
+    std::uint32_t behind = UINT32_MAX;
+    template <class A> void fields(A& a) { a(lo, size, cubes, mask, plane_normal, plane_distance, beyond, behind); }
 };
 struct Ambient {
     Vec3 origin;                     // of the root lattice (offset applied)
@@ -56,7 +60,7 @@ struct Ambient {
     std::array<std::uint32_t, 3> root_count{};
     std::vector<std::int32_t> tree;  // root cells first, x fastest; >= 0: first of 8 children (x + 2y + 4z);
                                      // < 0: -(cell + 1); INT32_MIN: no air
-    std::vector<AmbientCell> cells;  // each `beyond` after the cell that names it
+    std::vector<AmbientCell> cells;  // each `beyond` and `behind` after the cell that names it
     std::vector<AmbientCube> cubes;
     double error_estimate = 0;       // percent, interpolated against evaluated at random points in the air
     std::uint64_t rays = 0;

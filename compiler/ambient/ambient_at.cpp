@@ -29,8 +29,11 @@ const AmbientCell* cell_at(const Ambient& ambient, Vec3 point) {
     }
     if (node == INT32_MIN) return nullptr;
     const AmbientCell* cell = &ambient.cells[static_cast<std::size_t>(-(node + 1))];
-    while (cell->beyond != UINT32_MAX && dot(cell->plane_normal, point) > cell->plane_distance)
-        cell = &ambient.cells[cell->beyond];
+    while (cell->beyond != UINT32_MAX) {
+        const std::uint32_t next = dot(cell->plane_normal, point) > cell->plane_distance ? cell->beyond : cell->behind;
+        if (next == UINT32_MAX) break;
+        cell = &ambient.cells[next];
+    }
     return cell;
 }
 
@@ -88,7 +91,12 @@ void validate(const Ambient& ambient) {
         KILN_CHECK(cell.mask != 0 && cell.size > 0);
         for (unsigned i = 0; i < 8; ++i)
             KILN_CHECK(cell.mask >> i & 1 ? cell.cubes[i] < ambient.cubes.size() : cell.cubes[i] == UINT32_MAX);
+        KILN_CHECK(cell.beyond != UINT32_MAX || cell.behind == UINT32_MAX);
         if (cell.beyond == UINT32_MAX) continue;
+        if (cell.behind != UINT32_MAX) {
+            KILN_CHECK(cell.behind > c && cell.behind < ambient.cells.size());
+            KILN_CHECK(!named[cell.behind]++);
+        }
         KILN_CHECK(cell.beyond > c && cell.beyond < ambient.cells.size());
         KILN_CHECK(!named[cell.beyond]++);
         KILN_CHECK(std::abs(dot(cell.plane_normal, cell.plane_normal) - 1) < 1e-6);

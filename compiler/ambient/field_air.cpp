@@ -1,5 +1,6 @@
 // The air of a baked map: open leaves of the BSP, rays of the light's scene, light of its field.
 #include "compiler/ambient/air.h"
+#include "compiler/csg/box_tree.h"
 #include "compiler/light/emitters.h"
 #include <numbers>
 
@@ -85,6 +86,71 @@ private:
     std::optional<LightField> empty_;
 };
 
+// Places beside the triangles that block light: whatever air a wall cuts off lies at its faces.
+class FacePlaces {
+public:
+    explicit FacePlaces(const Surfaces& surfaces) : surfaces_(surfaces) {
+        std::vector<Box3> boxes;
+        for (std::uint32_t t = 0; t < surfaces.triangles.size(); ++t) {
+            const Face& face = surfaces.faces[surfaces.triangle_face[t].at()];
+            if (!face.blocks_light && !face.sky) continue;
+            Box3& box = boxes.emplace_back();
+            for (const std::uint32_t v : surfaces.triangles[t]) box.add(surfaces.positions[v]);
+            triangles_.push_back(t);
+        }
+        tree_.emplace(boxes);
+    }
+    std::vector<Vec3> in(const Box3& box, const std::vector<HalfSpace>& within) const {
+        constexpr double kOff = 1.0 / 128;   // map units off the face: below any wall, above the rounding of rays
+        constexpr double kInset = 1.0 / 64;  // share of the way from a corner to the middle
+        // Map units across: of narrower parts, in the groove of two walls say, the place may lie behind the next wall, and
+        // nothing that is lit by cubes has room there.
+        constexpr double kNarrow = 1.0 / 8;
+        std::vector<std::uint32_t> near;
+        tree_->query(box, near);
+        std::vector<Vec3> places, part, spare;
+        for (const std::uint32_t i : near) {
+            part.clear();
+            for (const std::uint32_t v : surfaces_.triangles[triangles_[i]]) part.push_back(surfaces_.positions[v]);
+            const auto keep = [&](const auto& inside) { // at least 0 there
+                spare.clear();
+                for (std::size_t k = 0; k < part.size(); ++k) {
+                    const Vec3 p = part[k], q = part[(k + 1) % part.size()];
+                    const double dp = inside(p), dq = inside(q);
+                    if (dp >= 0) spare.push_back(p);
+                    if ((dp > 0 && dq < 0) || (dp < 0 && dq > 0)) spare.push_back(p + (q - p) * (dp / (dp - dq)));
+                }
+                part.swap(spare);
+            };
+            for (std::size_t a = 0; a < 3; ++a)
+                keep([&](Vec3 p) { return p[a] - box.lo[a]; }), keep([&](Vec3 p) { return box.hi[a] - p[a]; });
+            for (const HalfSpace& h : within) keep([&](Vec3 p) { return h.distance - dot(h.normal, p); });
+            if (part.size() < 3) continue;
+            Vec3 middle;
+            for (const Vec3& p : part) middle += p / double(part.size());
+            Vec3 area;
+            double reach = 0;
+            for (std::size_t k = 0; k < part.size(); ++k)
+                area += cross(part[k] - middle, part[(k + 1) % part.size()] - middle) * 0.5, reach = std::max(reach, length(part[k] - middle));
+            if (!(length(area) > kNarrow * reach)) continue;
+            const Face& face = surfaces_.faces[surfaces_.triangle_face[triangles_[i]].at()];
+            // What has an open border may have air behind it.
+            for (const double side : {1.0, -1.0}) {
+                if (side < 0 && !face.curved() && !face.two_sided) continue;
+                const Vec3 off = face.normal * (kOff * side);
+                places.push_back(middle + off);
+                for (const Vec3& p : part) places.push_back(p + (middle - p) * kInset + off);
+            }
+        }
+        return places;
+    }
+
+private:
+    const Surfaces& surfaces_;
+    std::vector<std::uint32_t> triangles_;
+    std::optional<csg_detail::BoxTree> tree_;
+};
+
 } // namespace
 
 Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, const std::vector<Light>& lights,
@@ -142,6 +208,7 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
         }
         return leaf.value;
     };
+    air.beside_faces = [places = std::make_shared<const FacePlaces>(surfaces)](const Box3& box, const std::vector<HalfSpace>& within) { return places->in(box, within); };
     air.clear = [&scene](Vec3 from, Vec3 to) { return !scene.occluded(from, to); };
     air.rest = [controlled = std::make_shared<const ControlledField>(field)](
                    Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) {

@@ -16,9 +16,12 @@ constexpr std::size_t kErrorPoints = 12;     // per cell that may still be refin
 constexpr std::size_t kErrorPointsFinest = 2; // per finest cell: only for the estimate
 constexpr std::uint32_t kErrorRays = 256;    // per point; two halves make the estimate free of their noise
 constexpr std::size_t kMaxSamples = 160;     // of a cell's air
+constexpr std::size_t kMostPlaces = 384;     // beside faces, asked about in one cell
+constexpr std::size_t kAsked = 8;            // samples that are asked whether they see such a place
 constexpr double kFloor = 0.02;              // of the mean cube: what darkness counts at least in relative errors
 constexpr std::uint32_t kMostRays = 8;       // times options.rays
-constexpr std::size_t kMostSides = 8;        // of a finest cell that walls cross
+constexpr std::size_t kMostSides = 32;       // of a finest cell that walls cross
+constexpr int kMostRounds = 8;                // of asking border points whether they belong where the planes put them
 
 struct Sample {
     Vec3 point;
@@ -31,6 +34,7 @@ struct Variant { // becomes one AmbientCell
     bool has_plane = false;
     Vec3 normal{};
     double distance = 0;
+    std::uint32_t beyond = 0, behind = 0; // as in Side
 };
 
 enum class State : std::uint8_t { no_air, cell, split };
@@ -75,6 +79,12 @@ private:
     double floor2_ = -1; // squared norm of the error floor; < 0: not known yet
 
     Vec3 place(Grid g) const { return origin_ + Vec3{double(g[0]), double(g[1]), double(g[2])} * finest_; }
+    Box3 box_of(const Work& work) const {
+        Box3 box;
+        box.add(place(work.at));
+        box.add(place({work.at[0] + work.size, work.at[1] + work.size, work.at[2] + work.size}));
+        return box;
+    }
     std::uint64_t seed(Grid g, std::uint64_t what) const {
         return mix(options_.seed, std::uint64_t(std::uint32_t(g[0])), std::uint64_t(std::uint32_t(g[1])),
                    std::uint64_t(std::uint32_t(g[2])), what);
@@ -114,11 +124,11 @@ void Builder::lay_out() {
 }
 
 // Points of the air: one in every stratum of the cell; one in every leaf that no stratum met; and, since a wall may
-// leave just a sliver of the cell on its far side, those on the cell's faces that the stratum's point cannot see.
+// leave just a sliver of the cell on its far side, those on the cell's faces that the stratum's point cannot see. Of a
+// cell that hardly reaches into the map the strata meet nothing, and walls of detail cut no leaves: so places beside
+// the faces in the cell, too, that no sample near them sees.
 void Builder::sample(Work& work) const {
-    Box3 box;
-    box.add(place(work.at));
-    box.add(place({work.at[0] + work.size, work.at[1] + work.size, work.at[2] + work.size}));
+    const Box3 box = box_of(work);
     const std::vector<AirPart> parts = air_.parts(box);
     if (parts.empty()) return;
     const std::size_t n = work.size == 1 ? 2 : work.size == 2 ? 3 : 4, times = work.size == 1 ? 2 : 1;
@@ -169,6 +179,28 @@ void Builder::sample(Work& work) const {
             break;
         }
     }
+    if (air_.beside_faces) {
+        const std::vector<Vec3> places = air_.beside_faces(box, {});
+        const std::size_t count = std::min(places.size(), kMostPlaces);
+        std::vector<std::pair<double, std::size_t>> near;
+        for (std::size_t k = 0; k < count; ++k) {
+            const Vec3 p = places[k * places.size() / count];
+            bool in_box = true;
+            for (std::size_t a = 0; a < 3; ++a) in_box = in_box && p[a] > box.lo[a] && p[a] < box.hi[a];
+            if (!in_box || air_.leaf_of(p) == kNoLeaf) continue;
+            near.clear();
+            for (std::size_t i = 0; i < work.samples.size(); ++i) {
+                const Vec3 way = work.samples[i].point - p;
+                near.emplace_back(kiln::dot(way, way), i);
+            }
+            const std::size_t asked = std::min(near.size(), kAsked);
+            std::partial_sort(near.begin(), near.begin() + std::ptrdiff_t(asked), near.end());
+            bool seen = false;
+            for (std::size_t i = 0; i < asked && !seen; ++i) ++work.rays, seen = air_.clear(p, work.samples[near[i].second].point);
+            if (seen) work.border.push_back(p);
+            else if (work.samples.size() < kMaxSamples) work.samples.push_back({p, 0});
+        }
+    }
     work.state = work.samples.empty() ? State::no_air : State::cell;
 }
 
@@ -205,24 +237,43 @@ void Builder::look(Work& work) const {
             work.state = State::split;
             return;
         }
-        if (values() == 1 || round == 3) break;
+        if (values() == 1 || round == kMostRounds) break;
         // Walls cross the cell: slivers between them may hold no sample yet. Those border points that see something
         // else than the side they fall to join the samples.
         std::vector<Vec3> odd;
-        for (const Vec3& q : border) {
-            const Side* side = &sides.sides[0];
-            while (side->has_plane && kiln::dot(side->normal, q) > side->distance) ++side;
-            bool fits = false;
-            if (side->common) {
-                fits = (corners_from(q) & side->common) == side->common;
-            } else {
-                for (std::size_t i = 0; i < side->samples.size() && !fits; ++i)
-                    ++work.rays, fits = air_.clear(q, points[side->samples[i]]);
+        const auto fits = [&](Vec3 q, const Side& side) {
+            if (side.common) return (corners_from(q) & side.common) == side.common;
+            return std::ranges::any_of(side.samples, [&](std::uint32_t s) { return ++work.rays, air_.clear(q, points[s]); });
+        };
+        for (const Vec3& q : border)
+            if (!fits(q, sides.sides[side_at(sides.sides, q)])) odd.push_back(q);
+        // Air of another kind in a side's region has a wall between, with a face in that region.
+        if (air_.beside_faces) {
+            std::vector<std::pair<std::uint32_t, std::vector<HalfSpace>>> open{{0, {}}};
+            while (!open.empty()) {
+                const auto [at, within] = std::move(open.back());
+                open.pop_back();
+                const Side& side = sides.sides[at];
+                auto behind = within;
+                if (side.has_plane) {
+                    auto beyond = within;
+                    behind.push_back({side.normal, side.distance}), beyond.push_back({-side.normal, -side.distance});
+                    open.emplace_back(side.beyond, std::move(beyond));
+                    if (side.behind) {
+                        open.emplace_back(side.behind, std::move(behind));
+                        continue;
+                    }
+                }
+                const std::vector<Vec3> places = air_.beside_faces(box_of(work), behind);
+                const std::size_t count = std::min(places.size(), kMostPlaces);
+                for (std::size_t k = 0; k < count; ++k) {
+                    const Vec3 q = places[k * places.size() / count];
+                    if (side_at(sides.sides, q) == at && air_.leaf_of(q) != kNoLeaf && !fits(q, side)) odd.push_back(q);
+                }
             }
-            if (!fits) odd.push_back(q);
         }
         if (odd.empty()) break;
-        constexpr std::size_t kAtOnce = 12;
+        constexpr std::size_t kAtOnce = 24;
         const std::size_t n = std::min(odd.size(), kAtOnce);
         for (std::size_t k = 0; k < n; ++k) {
             const Vec3 q = odd[k * odd.size() / n];
@@ -234,6 +285,11 @@ void Builder::look(Work& work) const {
         Variant v;
         v.sites.fill(UINT32_MAX);
         v.mask = side.common, v.has_plane = side.has_plane, v.normal = side.normal, v.distance = side.distance;
+        v.beyond = side.beyond, v.behind = side.behind;
+        if (v.behind) { // shape() fills it in
+            work.variants.push_back(v);
+            continue;
+        }
         for (unsigned c = 0; c < 8; ++c)
             if (v.mask >> c & 1) v.sites[c] = work.corners[c];
         if (!v.mask) { // the place that sees most of this side's air answers for all of it
@@ -298,7 +354,7 @@ void Builder::shape(std::size_t first) {
                 continue;
             }
             for (Variant& v : work_[w].variants) {
-                if (v.sites[0] == UINT32_MAX || v.sites[0] <= kOwn - work_[w].own.size()) continue;
+                if (v.behind || v.sites[0] == UINT32_MAX || v.sites[0] <= kOwn - work_[w].own.size()) continue;
                 const std::uint32_t k = kOwn - v.sites[0];
                 Site site;
                 site.position = work_[w].own[k], site.usable = true;
@@ -306,6 +362,9 @@ void Builder::shape(std::size_t first) {
                 v.sites.fill(static_cast<std::uint32_t>(sites_.size()));
                 sites_.push_back(std::move(site));
             }
+            std::vector<Variant>& variants = work_[w].variants; // whoever does not know of `behind` gets a part there
+            for (std::size_t k = variants.size(); k-- > 0;)
+                if (Variant& v = variants[k]; v.behind) v.mask = variants[v.behind].mask, v.sites = variants[v.behind].sites;
         }
         first = last;
     }
@@ -361,8 +420,7 @@ void Builder::measure(Work& work) const {
     for (std::size_t k = 0; k < n; ++k) {
         const std::size_t i = inside[(2 * k + 1) * inside.size() / (2 * n)]; // spread over the cell
         const Vec3 p = work.samples[i].point;
-        const Variant* v = &work.variants[0];
-        while (v->has_plane && kiln::dot(v->normal, p) > v->distance) ++v;
+        const Variant* v = &work.variants[side_at(work.variants, p)];
         const auto weights = cell_weights(lo, finest_ * work.size, v->mask, p);
         Cube6 shown{};
         double noise = 0;
@@ -499,7 +557,8 @@ Ambient Builder::finish() const {
             }
             if (v.has_plane) {
                 cell.plane_normal = v.normal, cell.plane_distance = v.distance;
-                cell.beyond = first + static_cast<std::uint32_t>(k) + 1;
+                cell.beyond = first + v.beyond;
+                if (v.behind) cell.behind = first + v.behind;
             }
             out.cells.push_back(cell);
         }

@@ -1,4 +1,5 @@
 #include "compiler/ambient/separate.h"
+#include <tuple>
 
 namespace kiln::ambient {
 
@@ -54,34 +55,58 @@ Side side_of(std::vector<std::uint32_t> samples, const std::vector<std::uint8_t>
     return side;
 }
 
+struct Part { // of the points, in a tree of planes
+    std::vector<std::uint32_t> samples;
+    std::size_t crossings = 0; // pairs that do not see each other
+    std::uint8_t common = 0;   // corners that all see
+    bool whole = false;        // not to be parted
+    std::optional<Plane> plane;
+    std::size_t behind = 0, beyond = 0; // parts
+};
+
 } // namespace
 
 bool Sides::single_valued() const {
     for (const Side& side : sides)
-        if (side.common == 0 || side.common != side.any) return false;
+        if (!side.behind && (side.common == 0 || side.common != side.any)) return false;
     return true;
 }
 
 Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vector<std::uint8_t>& sees,
                std::size_t most) {
     Sides result;
-    std::vector<std::uint32_t> left(points.size());
-    for (std::size_t i = 0; i < left.size(); ++i) left[i] = static_cast<std::uint32_t>(i);
-    const Side whole = side_of(left, sees);
+    const auto judge = [&](Part& part) {
+        const Side side = side_of(part.samples, sees);
+        part.common = side.common, part.whole = side.common && side.common == side.any;
+    };
+    Part all;
+    for (std::size_t i = 0; i < points.size(); ++i) all.samples.push_back(static_cast<std::uint32_t>(i));
+    const Side whole = side_of(all.samples, sees);
     if (whole.common == whole.any || most <= 1) {
         result.sides.push_back(whole);
         return result;
     }
     const Blocked blocked(air, points);
     result.rays = points.size() * (points.size() - 1) / 2;
-    while (result.sides.size() + 1 < most) {
-        const std::size_t crossings = blocked.among(left);
-        if (crossings == 0) break;
+    all.crossings = blocked.among(all.samples);
+    judge(all);
+    constexpr std::size_t kForCorners = 8; // sides, with more of which no more corners are worth having
+    std::vector<Part> parts{std::move(all)};
+    for (std::size_t leaves = 1; leaves < most;) {
+        // Those first whose points see no corner in common: there light may leak. The others only get corners more.
+        std::size_t worst = parts.size();
+        for (std::size_t i = 0; i < parts.size(); ++i) {
+            const Part& p = parts[i];
+            if (p.plane || p.whole || p.crossings == 0 || (p.common && leaves >= kForCorners)) continue;
+            if (worst == parts.size() || std::tuple(p.common == 0, p.crossings) > std::tuple(parts[worst].common == 0, parts[worst].crossings)) worst = i;
+        }
+        if (worst == parts.size()) break;
+        const std::vector<std::uint32_t> left = parts[worst].samples;
         // Candidate walls: between each point and the nearest one it does not see. The best leaves the fewest pairs on
         // one side that do not see each other; the side that is peeled off is the more whole of the two.
-        std::size_t best_score = crossings;
+        std::size_t best_score = parts[worst].crossings;
         std::optional<Plane> best;
-        std::vector<std::uint32_t> best_behind, best_front;
+        Part best_behind, best_beyond;
         std::vector<Plane> tried;
         for (const std::uint32_t i : left) {
             std::optional<std::uint32_t> nearest;
@@ -100,27 +125,49 @@ Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vecto
             });
             if (known) continue;
             tried.push_back(*plane);
-            std::vector<std::uint32_t> behind, front;
+            Part behind, beyond;
             for (const std::uint32_t s : left)
-                (dot(plane->normal, points[s]) <= plane->distance ? behind : front).push_back(s);
-            if (behind.empty() || front.empty()) continue;
-            std::size_t in_behind = blocked.among(behind), in_front = blocked.among(front);
-            if (in_front < in_behind) {
+                (dot(plane->normal, points[s]) <= plane->distance ? behind : beyond).samples.push_back(s);
+            if (behind.samples.empty() || beyond.samples.empty()) continue;
+            behind.crossings = blocked.among(behind.samples), beyond.crossings = blocked.among(beyond.samples);
+            if (beyond.crossings < behind.crossings) {
                 plane->normal = -plane->normal, plane->distance = -plane->distance;
-                std::swap(behind, front), std::swap(in_behind, in_front);
+                std::swap(behind, beyond);
             }
-            if (in_behind + in_front < best_score) {
-                best_score = in_behind + in_front;
-                best = plane, best_behind = std::move(behind), best_front = std::move(front);
+            if (behind.crossings + beyond.crossings < best_score) {
+                best_score = behind.crossings + beyond.crossings;
+                best = plane, best_behind = std::move(behind), best_beyond = std::move(beyond);
             }
         }
-        if (!best) break;
-        Side side = side_of(std::move(best_behind), sees);
-        side.has_plane = true, side.normal = best->normal, side.distance = best->distance;
-        result.sides.push_back(std::move(side));
-        left = std::move(best_front);
+        if (!best) {
+            parts[worst].whole = true;
+            continue;
+        }
+        parts[worst].plane = best, parts[worst].behind = parts.size(), parts[worst].beyond = parts.size() + 1;
+        judge(best_behind), judge(best_beyond);
+        parts.push_back(std::move(best_behind)), parts.push_back(std::move(best_beyond));
+        ++leaves;
     }
-    result.sides.push_back(side_of(std::move(left), sees));
+    // Each plane before what it leads to.
+    const auto lay_out = [&](const auto& self, std::size_t p) -> std::uint32_t {
+        const auto at = static_cast<std::uint32_t>(result.sides.size());
+        const Part& part = parts[p];
+        if (!part.plane) {
+            result.sides.push_back(side_of(part.samples, sees));
+            return at;
+        }
+        const bool ends = !parts[part.behind].plane;
+        result.sides.push_back(ends ? side_of(parts[part.behind].samples, sees) : Side{});
+        if (!ends) {
+            const std::uint32_t behind = self(self, part.behind);
+            result.sides[at].behind = behind;
+        }
+        const std::uint32_t beyond = self(self, part.beyond);
+        Side& side = result.sides[at];
+        side.has_plane = true, side.normal = part.plane->normal, side.distance = part.plane->distance, side.beyond = beyond;
+        return at;
+    };
+    lay_out(lay_out, 0);
     return result;
 }
 

@@ -321,7 +321,7 @@ void add_lights(const PackInput& in, level::LevelContent& out) {
     out.cubes.origin = doubles(a.origin), out.cubes.root_size = a.root_size, out.cubes.root_count = a.root_count;
     out.cubes.tree = a.tree;
     for (const AmbientCell& c : a.cells)
-        out.cubes.cells.push_back({floats(c.lo), c.size, c.cubes, c.mask, floats(c.plane_normal), c.plane_distance, c.beyond});
+        out.cubes.cells.push_back({floats(c.lo), c.size, c.cubes, c.mask, floats(c.plane_normal), c.plane_distance, c.beyond, c.behind});
     for (const AmbientCube& c : a.cubes) {
         level::Cube cube;
         cube.position = floats(c.position);

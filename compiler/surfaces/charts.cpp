@@ -11,7 +11,7 @@ namespace {
 
 bool share_chart(const FaceDraft& f, const FaceDraft& g) {
     constexpr double kSameDirection = 1e-6; // radians; over 16,384 units a drift of a sixtieth
-    return f.lit && g.lit && !f.face.curved() && f.face.plane == g.face.plane && f.face.model == g.face.model && f.luxel_size == g.luxel_size &&
+    return f.lit && g.lit && f.under == g.under && !f.face.curved() && f.face.plane == g.face.plane && f.face.model == g.face.model && f.luxel_size == g.luxel_size &&
            length(f.face.tangent.t - g.face.tangent.t) < kSameDirection && length(f.face.tangent.b - g.face.tangent.b) < kSameDirection;
 }
 
@@ -43,13 +43,15 @@ bool is_parted(const Surfaces& s, std::uint32_t t, std::size_t edge, std::uint32
     return false;
 }
 
-std::vector<Seam> find_seams(const Surfaces& s, const Adjacency& adjacency) {
+std::vector<Seam> find_seams(const Surfaces& s, const std::vector<FaceDraft>& drafts, const Adjacency& adjacency) {
     std::vector<Seam> seams;
     for (std::uint32_t t = 0; t < s.triangles.size(); ++t)
         for (std::size_t c = 0; c < 3; ++c) {
             const std::uint32_t u = adjacency.across[t][c];
             if (u == Adjacency::kNone || u < t) continue;
             const Face &f = s.faces[s.triangle_face[t].at()], &g = s.faces[s.triangle_face[u].at()];
+            // Light ends at the foot of what stands there.
+            if (drafts[s.triangle_face[t].at()].under != drafts[s.triangle_face[u].at()].under) continue;
             if (!f.chart.valid() || !g.chart.valid() || (f.chart == g.chart && !(f.curved() && is_parted(s, t, c, u)))) continue;
             if ((f.plane != g.plane || f.curved()) && !shaded_alike(s, t, c, u)) continue;
             seams.push_back({std::min(f.chart, g.chart), std::max(f.chart, g.chart), s.triangles[t][c], s.triangles[t][(c + 1) % 3]});
@@ -144,7 +146,7 @@ std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, std
         s.charts.push_back(std::move(chart));
     }
     s.texel_count = static_cast<std::uint32_t>(texels);
-    s.seams = find_seams(s, adjacency);
+    s.seams = find_seams(s, drafts, adjacency);
     return texels;
 }
 

@@ -328,24 +328,15 @@ struct Look {
 
 Look look_of(const World& world, const CurveGrid& g, Context& context) {
     const std::uint32_t f = world.materials[g.material.at()].flags;
-    const bool clear = (f & (kInvisible | kTranslucent)) || world.materials[g.material.at()].alpha < 1;
-    bool shadow = true;
-    if (g.kind == Curve::displacement) {
-        shadow = world.brushes[world.brush_of(g.side).at()].casts_light_shadow;
-        if (f & kNoDraw)
-            context.report(Severity::warning, "displacement-nodraw",
-                           fmt::format("'{}' on a displacement: it is drawn all the same, as in the original tools",
-                                       world.materials[g.material.at()].name),
-                           world.location(g.side));
-    } else {
-        const WorldEntity& e = world.entities[world.patches[g.source].entity.at()];
-        const double asked = e.number("_shadow", 0);
-        shadow = g.model.value == 0 ? asked != -1 : asked == 1 || e.number("vrad_brush_cast_shadows", 0) == 1;
-    }
+    if (g.kind == Curve::displacement && (f & kNoDraw))
+        context.report(Severity::warning, "displacement-nodraw",
+                       fmt::format("'{}' on a displacement: it is drawn all the same, as in the original tools",
+                                   world.materials[g.material.at()].name),
+                       world.location(g.side));
     Look look;
     look.sky = (f & kSky) != 0;
     look.drawn = !(f & undrawn_flags(g.kind)) && !look.sky;
-    look.blocks = (f & kLightBlocker) || (!clear && shadow);
+    look.blocks = curve_blocks_light(world, g);
     look.two_sided = look.drawn && (f & kTwoSided);
     look.lit = look.drawn && !(f & kNoLight);
     return look;
@@ -464,6 +455,28 @@ Chart chart_of(const CurveGrid& g, const Built& b, const std::vector<Vec3>& posi
 }
 
 } // namespace
+
+std::vector<std::array<std::uint32_t, 3>> curve_triangles(const CurveGrid& grid) {
+    Lattice none;
+    none.x.resize(grid.columns), none.y.resize(grid.rows);
+    std::vector<std::array<std::uint32_t, 3>> out;
+    for (const Triangle& t : triangles_of(grid, none)) out.push_back({t[0].vertex, t[1].vertex, t[2].vertex});
+    return out;
+}
+
+bool curve_blocks_light(const World& world, const CurveGrid& g) {
+    const std::uint32_t f = world.materials[g.material.at()].flags;
+    const bool clear = (f & (kInvisible | kTranslucent)) || world.materials[g.material.at()].alpha < 1;
+    bool shadow = true;
+    if (g.kind == Curve::displacement) {
+        shadow = world.brushes[world.brush_of(g.side).at()].casts_light_shadow;
+    } else {
+        const WorldEntity& e = world.entities[world.patches[g.source].entity.at()];
+        const double asked = e.number("_shadow", 0);
+        shadow = g.model.value == 0 ? asked != -1 : asked == 1 || e.number("vrad_brush_cast_shadows", 0) == 1;
+    }
+    return (f & kLightBlocker) || (!clear && shadow);
+}
 
 std::vector<Chart> add_curve_faces(Surfaces& s, std::vector<FaceDraft>& drafts, const CurveGrids& grids, const World& world, const Csg& csg,
                                    const Bsp& bsp, Context& context) {

@@ -49,6 +49,11 @@ struct BezierPiece {
 std::array<std::uint32_t, 2> bezier_divisions(const BezierPiece& piece, double flatness);
 Vec3 bezier_point(const BezierPiece& piece, double along, double along_rest, double across, double across_rest);
 
+// curve_faces.cpp. The triangles of a grid, vertices of finer neighbours on its border included; counter-clockwise seen
+// from the front.
+std::vector<std::array<std::uint32_t, 3>> curve_triangles(const CurveGrid& grid);
+bool curve_blocks_light(const World& world, const CurveGrid& grid);
+
 // curve_faces.cpp. Curves, faces, triangles and corners of the grids; drafts stay parallel to surfaces.faces. Returned:
 // a chart per curve, without its faces and place in the texel tables.
 std::vector<Chart> add_curve_faces(Surfaces& surfaces, std::vector<FaceDraft>& drafts, const CurveGrids& grids, const World& world,

@@ -1,7 +1,9 @@
 #include "compiler/surfaces/faces.h"
+#include "compiler/surfaces/feet.h"
 #include "libs/core/check.h"
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <fmt/format.h>
 #include <map>
 #include <numeric>
@@ -67,6 +69,8 @@ struct Group {
     BrushId brush;
     Contents wet = Contents::empty; // the liquid in front, if one: what is under water is a face of its own
     bool gap = false; // closes an opening too narrow to count
+    std::uint32_t under = 0; // what stands on it
+    bool lit = false;
     std::uint32_t first = 0, count = 0; // polygons
 };
 struct Groups {
@@ -96,7 +100,7 @@ void read_smoothing(const World& world, const WorldSide& side, const WorldBrush&
     if (!draft.smoothing_groups) draft.phong_angle_deg = std::max(draft.phong_angle_deg, usual);
 }
 
-Groups collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& vertices) {
+Groups collect(const World& world, const Csg& csg, const Bsp& bsp, Feet& feet, VertexTable& vertices) {
     Groups out;
     std::vector<Group>& groups = out.groups;
     struct Item {
@@ -106,21 +110,38 @@ Groups collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& 
     };
     std::vector<Item> items;
     items.reserve(bsp.visible.size() + bsp.closed.size());
-    std::map<std::tuple<ModelId, SideId, PlaneId, bool, Contents, bool>, std::uint32_t> index;
+    std::map<std::tuple<ModelId, SideId, PlaneId, bool, Contents, bool, std::uint32_t>, std::uint32_t> index;
+    std::deque<PlanePolygon> cut;
+    const auto group = [&](const Group& g) {
+        const auto [it, fresh] = index.try_emplace({g.model, g.side, g.plane, opaque(g.behind), g.wet, g.gap, g.under}, static_cast<std::uint32_t>(groups.size()));
+        if (fresh) groups.push_back(g);
+        return it->second;
+    };
+    // Where something stands on a lit face, the parts under it and around it become faces of their own.
+    const auto put = [&](const PlanePolygon& polygon, std::uint32_t to, ClusterId cluster) {
+        std::vector<Feet::Part> parts;
+        if (feet.any() && groups[to].lit) parts = feet.cut(groups[to].model, polygon);
+        if (parts.empty()) items.push_back({&polygon, to, cluster});
+        for (Feet::Part& part : parts) {
+            Group g = groups[to];
+            g.under = part.under;
+            items.push_back({&cut.emplace_back(std::move(part.polygon)), group(g), cluster});
+        }
+    };
     const auto add = [&](ModelId model, SideId side, BrushId brush, Contents behind, const PlanePolygon& polygon, ClusterId cluster,
                          Contents front = Contents::empty, bool gap = false) {
         const Contents wet = liquid(front) ? front : Contents::empty;
-        const auto [it, fresh] = index.try_emplace({model, side, polygon.support, opaque(behind), wet, gap}, static_cast<std::uint32_t>(groups.size()));
-        if (fresh) groups.push_back({side, model, polygon.support, behind, brush, wet, gap});
-        items.push_back({&polygon, it->second, cluster});
-        return it->second;
+        const bool lit = !gap && feet.any() && side_visibility(world, world.sides[side.at()], world.brushes[brush.at()], behind).lit;
+        const std::uint32_t to = group({side, model, polygon.support, behind, brush, wet, gap, 0, lit});
+        put(polygon, to, cluster);
+        return to;
     };
     constexpr std::uint32_t kNone = UINT32_MAX;
     std::vector<std::uint32_t> group_of(csg.fragments.size(), kNone); // that its first part went to
     for (const VisibleFragment& v : bsp.visible) {
         const ClusterId cluster = v.leaf.valid() ? bsp.leaves[v.leaf.at()].cluster : ClusterId{};
         if (const std::uint32_t g = group_of[v.fragment]; g != kNone && groups[g].plane == v.polygon.support) {
-            items.push_back({&v.polygon, g, cluster});
+            put(v.polygon, g, cluster);
             continue;
         }
         const Fragment& f = csg.fragments[v.fragment];
@@ -145,7 +166,7 @@ Groups collect(const World& world, const Csg& csg, const Bsp& bsp, VertexTable& 
     std::iota(order.begin(), order.end(), 0u);
     std::ranges::sort(order, {}, [&](std::uint32_t i) {
         const Group& g = groups[i];
-        return std::tuple(g.model, g.side, g.plane, g.behind, g.wet, g.gap);
+        return std::tuple(g.model, g.side, g.plane, g.behind, g.wet, g.gap, g.under);
     });
     std::uint32_t sum = 0;
     for (const std::uint32_t g : order) groups[g].first = sum, sum += groups[g].count;
@@ -194,8 +215,8 @@ bool tangent_frame(const DocTexture& texture, Vec3 normal, Frame& frame) {
 }
 
 std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,
-                                        const SurfacesOptions& options, VertexTable& vertices, Context& context) {
-    const Groups groups = collect(world, csg, bsp, vertices);
+                                        const SurfacesOptions& options, Feet& feet, VertexTable& vertices, Context& context) {
+    const Groups groups = collect(world, csg, bsp, feet, vertices);
     RegionMerger merger(vertices);
     std::vector<FaceDraft> drafts;
     for (const Group& group : groups.groups) {
@@ -219,6 +240,7 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
         face.two_sided = visibility.two_sided;
         face.hull = visibility.hull;
         draft.lit = visibility.lit;
+        draft.under = group.under;
         draft.luxel_size = side.lightmap_scale > 0 && std::isfinite(side.lightmap_scale) ? side.lightmap_scale : 16;
         if (!group.gap) read_smoothing(world, side, brush, options, draft);
         if (!tangent_frame(side.texture, face.normal, face.tangent) && face.drawn)

@@ -6,6 +6,8 @@
 
 namespace kiln {
 
+class Feet;
+
 struct FaceDraft {
     Face face;                       // all but triangles and chart
     std::vector<Outline> loops;      // as in Region; T-junctions inserted later
@@ -18,10 +20,11 @@ struct FaceDraft {
     std::vector<std::vector<Vec2>> seen;
     double phong_concave_deg = 0;    // where faces meet in a groove; 0: the same angle
     int phong_group = 0;             // smoothed by angle with faces of the same group only
+    std::uint32_t under = 0;         // what stands on it, as in Feet::Part
 };
 
 std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,
-                                        const SurfacesOptions& options, VertexTable& vertices, Context& context);
+                                        const SurfacesOptions& options, Feet& feet, VertexTable& vertices, Context& context);
 
 // The frame of a side's texture axes on a plane; false where they do not span it (the frame is then any one).
 bool tangent_frame(const DocTexture& texture, Vec3 normal, Frame& frame);

@@ -2,6 +2,7 @@
 #include "compiler/surfaces/charts.h"
 #include "compiler/surfaces/curves.h"
 #include "compiler/surfaces/faces.h"
+#include "compiler/surfaces/feet.h"
 #include "compiler/surfaces/luxels.h"
 #include "compiler/surfaces/overlays.h"
 #include "compiler/surfaces/shading.h"
@@ -64,17 +65,21 @@ void add_triangles(Surfaces& s, std::vector<FaceDraft>& drafts, const VertexTabl
 Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& bsp, const SurfacesOptions& options,
                                 Context& context) {
     Surfaces s;
-    VertexTable vertices(bsp.planes); // those of csg and more
     context.say("surfaces", 0);
-    std::vector<FaceDraft> drafts = make_face_drafts(world, csg, bsp, options, vertices, context);
-    context.say("surfaces", 0.3);
-    resolve_tjunctions(drafts, vertices, world.model_count, context);
-    context.check_cancelled();
-    add_triangles(s, drafts, vertices, world, context);
     CurveGrids grids;
     add_displacements(world, csg, grids, context);
     add_patches(world, options.curve_flatness, grids, context);
     add_touching(grids);
+    std::optional<PlaneTable> own; // where terrain stands on faces it brings planes of its own
+    if (!world.displacements.empty()) own = bsp.planes;
+    const PlaneTable& planes = own ? *own : bsp.planes; // those of csg and more
+    Feet feet(world, csg, grids, planes, own ? &*own : nullptr);
+    VertexTable vertices(planes);
+    std::vector<FaceDraft> drafts = make_face_drafts(world, csg, bsp, options, feet, vertices, context);
+    context.say("surfaces", 0.3);
+    resolve_tjunctions(drafts, vertices, world.model_count, context);
+    context.check_cancelled();
+    add_triangles(s, drafts, vertices, world, context);
     std::vector<Chart> curve_charts = add_curve_faces(s, drafts, grids, world, csg, bsp, context);
     context.say("surfaces", 0.6);
     std::vector<bool> smooth(drafts.size());

@@ -446,7 +446,8 @@ typedef struct kiln_cube_cell {
     uint32_t mask;     /* bit c: the cell's air may use corner c */
     float plane_normal[3]; /* a wall through the cell: */
     double plane_distance;
-    uint32_t beyond;   /* the cell for dot(plane_normal, p) > plane_distance; KILN_NO_INDEX: this one is all */
+    uint32_t beyond;   /* the cell for dot(plane_normal, p) > plane_distance; KILN_NO_INDEX: this one is all. For all else
+                        * see kiln_level_cube_behind */
 } kiln_cube_cell;
 typedef struct kiln_cube_tree {
     double origin[3];
@@ -460,6 +461,10 @@ typedef struct kiln_light_weight { uint32_t light; float weight; } kiln_light_we
 const kiln_light* kiln_level_lights(const kiln_level* level, size_t* count);
 const kiln_cube* kiln_level_cubes(const kiln_level* level, size_t* count);
 const kiln_cube_cell* kiln_level_cube_cells(const kiln_level* level, size_t* count);
+/* Per cell: with `beyond`, the cell for dot(plane_normal, p) <= plane_distance, which may have a wall of its own;
+ * KILN_NO_INDEX: this one. NULL: of every cell this one, as in levels of older compilers. Who does not ask gets a cell of
+ * the same place, but where several walls meet perhaps the light of another side of them. */
+const uint32_t* kiln_level_cube_behind(const kiln_level* level, size_t* cell_count);
 const uint32_t* kiln_level_cube_lights(const kiln_level* level, size_t* count);
 kiln_status kiln_level_cube_tree(const kiln_level* level, kiln_cube_tree* tree);
 /* Ambient cube at a point: usable corners of its cell, trilinear. KILN_NONE: no air there. */

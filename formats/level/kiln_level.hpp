@@ -66,6 +66,7 @@ public:
     std::span<const kiln_light> lights() const { return rows(kiln_level_lights); }
     std::span<const kiln_cube> cubes() const { return rows(kiln_level_cubes); }
     std::span<const kiln_cube_cell> cube_cells() const { return rows(kiln_level_cube_cells); }
+    std::span<const std::uint32_t> cube_behind() const { return rows(kiln_level_cube_behind); }
     std::span<const std::uint32_t> cube_lights() const { return rows(kiln_level_cube_lights); }
     std::span<const kiln_probe> probes() const { return rows(kiln_level_probes); }
     std::span<const kiln_overlay> overlays() const { return rows(kiln_level_overlays); }

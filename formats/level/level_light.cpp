@@ -124,8 +124,13 @@ struct CornerWeights {
     const kiln_cube_cell* cell = nullptr;
     double weight[8] = {};
 };
+// Null where the level has none.
+kiln_status behind_of(const kiln_level& level, const CubeBehind** behind) {
+    *behind = level.get_cube_behind();
+    return *behind || level.find(fourcc("CUBB")) == level.entries.size() ? KILN_OK : level.fault_of(fourcc("CUBB"));
+}
 // The cell of a point and the weights of its usable corners; false where there is no air.
-bool corners_at(const Cubes& table, const double point[3], CornerWeights* out) {
+bool corners_at(const Cubes& table, const CubeBehind* behind, const double point[3], CornerWeights* out) {
     const kiln_cube_tree& tree = table.tree;
     if (table.nodes.empty() || !(tree.root_size > 0)) return false;
     std::size_t root[3];
@@ -148,9 +153,14 @@ bool corners_at(const Cubes& table, const double point[3], CornerWeights* out) {
     }
     if (node == INT32_MIN) return false;
     const kiln_cube_cell* cell = &table.cells[static_cast<std::size_t>(-(node + 1))];
-    while (cell->beyond != KILN_NO_INDEX && dot3(cell->plane_normal, point) > cell->plane_distance)
-        cell = &table.cells[cell->beyond]; // always a later one
-    constexpr double kEdge = 1.0 / 1024;   // keeps weights above zero where only the far corners may be used
+    while (cell->beyond != KILN_NO_INDEX) {
+        std::uint32_t next = cell->beyond; // always a later one
+        if (!(dot3(cell->plane_normal, point) > cell->plane_distance))
+            next = behind ? behind->cells[static_cast<std::size_t>(cell - table.cells.data())] : KILN_NO_INDEX;
+        if (next == KILN_NO_INDEX) break;
+        cell = &table.cells[next];
+    }
+    constexpr double kEdge = 1.0 / 1024; // keeps weights above zero where only the far corners may be used
     double f[3], sum = 0;
     for (int a = 0; a < 3; ++a) {
         f[a] = (point[a] - cell->lo[a]) / cell->size;
@@ -339,8 +349,10 @@ kiln_status kiln_level_ambient(const kiln_level* level, const double point[3], f
     if (!level || !point || !rgb) return KILN_BAD_ARGUMENT;
     const Cubes* table = level->get_cubes();
     if (!table) return level->fault_of(fourcc("CUBE"));
+    const CubeBehind* behind = nullptr;
+    if (const kiln_status status = behind_of(*level, &behind); status != KILN_OK) return status;
     CornerWeights corners;
-    if (!corners_at(*table, point, &corners)) return KILN_NONE;
+    if (!corners_at(*table, behind, point, &corners)) return KILN_NONE;
     for (std::size_t i = 0; i < 18; ++i) {
         double sum = 0;
         for (std::size_t c = 0; c < 8; ++c)
@@ -368,8 +380,10 @@ kiln_status kiln_level_ambient_lights(const kiln_level* level, const double poin
     *count = 0;
     const Cubes* table = level->get_cubes();
     if (!table) return level->fault_of(fourcc("CUBE"));
+    const CubeBehind* behind = nullptr;
+    if (const kiln_status status = behind_of(*level, &behind); status != KILN_OK) return status;
     CornerWeights corners;
-    if (!corners_at(*table, point, &corners)) return KILN_NONE;
+    if (!corners_at(*table, behind, point, &corners)) return KILN_NONE;
     try {
         std::map<std::uint32_t, double> shares;
         for (std::size_t c = 0; c < 8; ++c) {

@@ -138,6 +138,7 @@ KILN_TABLE(Waters, waters, "WATR")
 KILN_TABLE(WaterDistances, water_distances, "LWTR")
 KILN_TABLE(SourceFiles, source_files, "FILE")
 KILN_TABLE(BrushBlocks, brush_blocks, "BBLK")
+KILN_TABLE(CubeBehind, cube_behind, "CUBB")
 KILN_TABLE(FaceShadows, face_shadows, "FSHD")
 KILN_TABLE(Displacements, displacements, "DISP")
 KILN_TABLE(CurvedPatches, curved_patches, "CURV")
@@ -400,6 +401,7 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("LWTR"): return tell(level->water_distances, level->get_water_distances());
         case fourcc("FILE"): return tell(level->source_files, level->get_source_files());
         case fourcc("BBLK"): return tell(level->brush_blocks, level->get_brush_blocks());
+        case fourcc("CUBB"): return tell(level->cube_behind, level->get_cube_behind());
         case fourcc("FSHD"): return tell(level->face_shadows, level->get_face_shadows());
         case fourcc("CRNR"): return tell(level->curve_corners, level->get_curve_corners());
         case fourcc("DISP"): return tell(level->displacements, level->get_displacements());

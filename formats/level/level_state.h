@@ -95,6 +95,7 @@ struct kiln_level {
     mutable Lazy<kiln::level::WaterDistances> water_distances;
     mutable Lazy<kiln::level::SourceFiles> source_files;
     mutable Lazy<kiln::level::BrushBlocks> brush_blocks;
+    mutable Lazy<kiln::level::CubeBehind> cube_behind;
     mutable Lazy<kiln::level::FaceShadows> face_shadows;
     mutable Lazy<kiln::level::CurveCorners> curve_corners;
     mutable Lazy<kiln::level::Displacements> displacements;
@@ -130,6 +131,7 @@ struct kiln_level {
     const kiln::level::WaterDistances* get_water_distances() const;
     const kiln::level::SourceFiles* get_source_files() const;
     const kiln::level::BrushBlocks* get_brush_blocks() const;
+    const kiln::level::CubeBehind* get_cube_behind() const;
     const kiln::level::FaceShadows* get_face_shadows() const;
     const kiln::level::CurveCorners* get_curve_corners() const;
     const kiln::level::Displacements* get_displacements() const;

@@ -614,6 +614,9 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     BrushBlocks blocks;
     for (const Brush& b : content.brushes) blocks.bits.push_back(b.blocks);
     if (!blocks.bits.empty()) file.add("BBLK", lump(blocks, info));
+    CubeBehind behind;
+    for (const CubeCell& c : content.cubes.cells) behind.cells.push_back(c.behind);
+    if (std::ranges::any_of(behind.cells, [](std::uint32_t c) { return c != KILN_NO_INDEX; })) file.add("CUBB", lump(behind, info));
     FaceShadows shadows;
     for (const FaceInfo& f : content.faces) shadows.bits.push_back(f.no_dynamic_shadow);
     if (std::ranges::find(shadows.bits, 1) != shadows.bits.end()) file.add("FSHD", lump(shadows, info));

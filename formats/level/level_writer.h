@@ -104,6 +104,7 @@ struct CubeCell {
     Float3 plane_normal{}; // with `beyond`: a wall through the cell
     double plane_distance = 0;
     std::uint32_t beyond = UINT32_MAX; // a later cell, for dot(plane_normal, p) > plane_distance
+    std::uint32_t behind = UINT32_MAX; // with `beyond`: a later cell, for all else; none: this one
 };
 struct CubeGrid {
     Double3 origin{};

@@ -305,6 +305,14 @@ struct BrushBlocks {
     std::vector<std::uint8_t> bits;
     template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(bits, info.brushes); }
 };
+struct CubeBehind {
+    std::vector<std::uint32_t> cells; // per cell: the one behind its wall; KILN_NO_INDEX: itself
+    template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(cells, info.cube_cells); }
+    void check(const kiln_info& info) const {
+        for (std::size_t k = 0; k < cells.size(); ++k)
+            require(cells[k] == KILN_NO_INDEX || (cells[k] > k && cells[k] < info.cube_cells), "a cell names a part behind its wall that is not there");
+    }
+};
 struct FaceShadows {
     std::vector<std::uint8_t> bits; // 1: no dynamic shadows
     template <class Io> void io(Io& io, const kiln_info& info, bool) { io.column(bits, info.faces); }

@@ -275,6 +275,56 @@ TEST(LevelAmbient, AWallThroughACellChoosesThePart) {
     EXPECT_GT(std::abs(cube[2][0] - corners[0][2][0]), 1e-2);
 }
 
+// Two planes part a cell into four: x < 10 and x > 10, each at y = -5; each part has one corner.
+TEST(LevelAmbient, PartsBehindAWallMayBePartedAgain) {
+    LevelContent c = test::constant_room({1, 1, 1});
+    const auto corners = random_corners();
+    test::add_air(c, corners);
+    const CubeCell whole = c.cubes.cells[0];
+    c.cubes.cells.clear();
+    const auto add = [&](unsigned corner, Float3 normal, double distance, std::uint32_t beyond, std::uint32_t behind) {
+        CubeCell cell = whole;
+        cell.cubes.fill(UINT32_MAX);
+        cell.cubes[corner] = whole.cubes[corner], cell.mask = static_cast<std::uint8_t>(1u << corner);
+        cell.plane_normal = normal, cell.plane_distance = distance, cell.beyond = beyond, cell.behind = behind;
+        c.cubes.cells.push_back(cell);
+    };
+    constexpr std::uint32_t kNone = UINT32_MAX;
+    add(0, {1, 0, 0}, 10, 3, 1);       // its own corner is that of cell 1
+    add(0, {0, 1, 0}, -5, 2, kNone);   // x < 10
+    add(2, {}, 0, kNone, kNone);
+    add(1, {0, 1, 0}, -5, 4, kNone);   // x > 10
+    add(3, {}, 0, kNone, kNone);
+    const auto shows = [&](const std::vector<std::uint8_t>& bytes, const Point& p, unsigned corner) {
+        const Level level(bytes);
+        float cube[6][3];
+        ASSERT_EQ(kiln_level_ambient(level.get(), p.data(), cube), KILN_OK);
+        for (std::size_t f = 0; f < 6; ++f) EXPECT_NEAR(cube[f][1], corners[corner][f][1], 2e-3) << p[0] << ' ' << p[1];
+    };
+    const auto bytes = write_level(c);
+    shows(bytes, {9, -6, 0}, 0), shows(bytes, {9, -4, 0}, 2), shows(bytes, {11, -6, 0}, 1), shows(bytes, {11, -4, 0}, 3);
+    {
+        const Level level(bytes);
+        ASSERT_EQ(level.cube_behind().size(), 5u);
+        EXPECT_EQ(level.cube_behind()[0], 1u);
+        EXPECT_EQ(level.cube_behind()[1], KILN_NO_INDEX);
+        EXPECT_EQ(kiln_level_check(level.get(), nullptr), KILN_OK);
+    }
+    // Without the lump every cell is what is behind its wall.
+    for (CubeCell& cell : c.cubes.cells) cell.behind = kNone;
+    const auto without = write_level(c);
+    shows(without, {9, -4, 0}, 0), shows(without, {11, -4, 0}, 3);
+    const Level level(without);
+    size_t count = 7;
+    EXPECT_EQ(kiln_level_cube_behind(level.get(), &count), nullptr);
+    EXPECT_EQ(count, 0u);
+    // A part must come later, or a walk would never end.
+    for (const std::uint32_t to : {0u, 1u, 5u}) {
+        c.cubes.cells[1].behind = to;
+        EXPECT_THROW(write_level(c), std::invalid_argument) << to;
+    }
+}
+
 // ---- Cubemaps
 
 TEST(LevelCubemap, TheDirectionThatATexelLooksToReadsThatTexel) {

@@ -114,7 +114,7 @@ TEST(LevelSpaces, AreNotThereWhereThereIsNothingToSay) {
     for (std::size_t i = 0; i < kiln_level_lump_count(level.get()); ++i) {
         kiln_lump lump{};
         kiln_level_lump(level.get(), i, &lump);
-        for (const char* name : {"AREA", "OCCL", "WATR", "LWTR", "FILE", "FSHD"}) EXPECT_STRNE(lump.name, name);
+        for (const char* name : {"AREA", "OCCL", "WATR", "LWTR", "FILE", "FSHD", "CUBB"}) EXPECT_STRNE(lump.name, name);
     }
     size_t count = 7;
     EXPECT_EQ(kiln_level_waters(nullptr, &count), nullptr);
@@ -169,6 +169,9 @@ TEST(LevelSpaces, LyingLumpsNeverCrash) {
                 for (const std::uint32_t f : table.brushes) EXPECT_LE(f, table.names.size());
                 for (const std::uint32_t f : table.patches) EXPECT_LE(f, table.names.size());
             }
+            if constexpr (std::is_same_v<Table, CubeBehind>) {
+                for (std::uint32_t k = 0; k < 4; ++k) EXPECT_TRUE(table.cells[k] == KILN_NO_INDEX || (table.cells[k] > k && table.cells[k] < 4));
+            }
             if constexpr (std::is_same_v<Table, Waters>) {
                 for (const std::uint32_t w : table.of_leaf) EXPECT_TRUE(w == KILN_NO_INDEX || w < table.rows.size());
             }
@@ -199,6 +202,8 @@ TEST(LevelSpaces, LyingLumpsNeverCrash) {
     SourceFiles files{{"a.vmf", "parts/b.vmf"}, {0, 1, 2, 0, 1}, {0, 1, 2}, {0, 2}, {}, {1}, {2, 0}};
     check(SourceFiles{}, info, bytes_of(files));
     check(FaceShadows{}, info, Blob(5));
+    info.cube_cells = 4;
+    check(CubeBehind{}, info, bytes_of(CubeBehind{{2, 3, KILN_NO_INDEX, KILN_NO_INDEX}}));
 }
 
 } // namespace

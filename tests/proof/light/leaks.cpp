@@ -306,16 +306,18 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
     const LightField field(world, *bsp, bsp->planes, s, lights, l);
     auto ambient = place_ambient(*bsp, bsp->planes, s, lights, field, {.error_percent = 30, .local_lights = 0, .rays = 32}, context);
     if (!ambient) return out.compiled = false, out;
+    const auto look = [&](const std::array<Rgb, 6>& cube, const char* what, Vec3 at) {
+        double value = 0;
+        for (const Rgb& e : cube) value = std::max(value, most(e) / brightest);
+        if (value > out.cube) out.cube = value, out.cube_where = fmt::format("{} at {:.3f} {:.3f} {:.3f}", what, at.x, at.y, at.z);
+    };
     for (const AmbientCube& cube : ambient->cubes)
-        if (m.dark(cube.position))
-            for (const Rgb& e : cube.irradiance) out.cube = std::max(out.cube, most(e) / brightest);
+        if (m.dark(cube.position)) look(cube.irradiance, "a cube", cube.position);
     const Sobol points(17);
     for (std::uint32_t i = 0; i < 4096; ++i) {
-        const Vec3 p = Vec3{points(i, 0), points(i, 1), points(i, 2)};
-        const Vec3 at{kLo.x + (kHi.x - kLo.x) * p.x, kLo.y + (kHi.y - kLo.y) * p.y, kLo.z + (kHi.z - kLo.z) * p.z};
+        const Vec3 at{kLo.x + (kHi.x - kLo.x) * points(i, 0), kLo.y + (kHi.y - kLo.y) * points(i, 1), kLo.z + (kHi.z - kLo.z) * points(i, 2)};
         if (!m.dark(at)) continue;
-        if (const auto cube = ambient_at(*ambient, at))
-            for (const Rgb& e : *cube) out.cube = std::max(out.cube, most(e) / brightest);
+        if (const auto cube = ambient_at(*ambient, at)) look(*cube, "a mix of cubes", at);
     }
     return out;
 }

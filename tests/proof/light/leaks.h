@@ -22,7 +22,7 @@ struct LeakFound { // light there over that of the brightest luxel of the bright
     double patch = 0;   // radiosity, over pi times the brightest reflected radiance
     double cube = 0;    // as a run time mixes ambient cubes, anywhere in the air
     std::size_t looked = 0; // lookups in the dark
-    std::string where;  // of the most that is shown
+    std::string where, cube_where; // of the most that is shown, of the brightest cube
     double worst() const { return std::max({shown, luxel, patch, cube}); }
     bool compiled = true;
 };

@@ -17,7 +17,7 @@ bool leaks(const char* part) {
             const bool ok = f.compiled && f.looked > 0 && f.worst() <= kMost;
             ++runs, bad += !ok;
             std::printf("%-42s %5g %9.2g %9.2g %9.2g %9.2g %8zu%s\n", m.name.c_str(), size, f.shown, f.luxel, f.patch, f.cube, f.looked,
-                        ok ? "" : ("  LEAK " + (f.compiled ? f.where : std::string("does not compile"))).c_str());
+                        ok ? "" : ("  LEAK " + (f.compiled ? f.where + (f.cube > kMost ? (f.where.empty() ? "" : "; ") + f.cube_where : "") : std::string("does not compile"))).c_str());
             std::fflush(stdout);
         }
     }
