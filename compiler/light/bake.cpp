@@ -14,6 +14,7 @@ namespace kiln {
 constexpr double kMargin = 10;
 constexpr int kPatchRefinements = 3;
 constexpr double kPatchShare = 0.6;                        // of the target, for patches; the noise has as much
+constexpr double kDirectShare = 0.35;                      // for the noise of direct light
 constexpr double kSteep = 5;                               // targets by which direct light of luxels side by side may differ
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
@@ -23,10 +24,10 @@ Quality Quality::of(const LightOptions& options) {
     q.patch_size = 40 * std::sqrt(e / 5);
     q.promotion = 0.001 * e;
     q.light_cutoff = 0.001 * e;
-    q.direct_samples = e <= 1.5 ? 128 : e <= 2.5 ? 64 : e <= 6 ? 32 : e <= 12 ? 16 : 8;
+    q.direct_samples = e <= 1.5 ? 32 : e <= 2.5 ? 16 : e <= 6 ? 8 : e <= 12 ? 4 : 2;
     q.row_rays = e <= 1 ? 1024 : e <= 6 ? 512 : 256; // they are the guides of the gather as well
     q.iteration = std::min(1e-3, e * 1e-4);
-    q.first_rays = e >= 10 ? 32 : 64;
+    q.first_rays = e >= 15 ? 16 : e >= 10 ? 32 : 64;
     return q;
 }
 
@@ -249,13 +250,13 @@ void Bake::find_neighbours() {
     }
 }
 
-// Patches of quality_.patch_size, their solution, and the lights of each.
-std::vector<Rgbd> Bake::solve_patches() {
+// Patches of quality_.patch_size, their form factors, and the lights of each.
+void Bake::make_patches() {
     const std::size_t luxels = surfaces_.luxels.size();
     patches_ = build_patches(world_, surfaces_, edges_, quality_.patch_size);
     const std::size_t n = patches_.patches.size();
     // Few patches: all the more rays each, for the same share of the work.
-    const double per_patch = 64.0 * static_cast<double>(luxels) / static_cast<double>(std::max<std::size_t>(n, 1));
+    const double per_patch = quality_.first_rays * static_cast<double>(luxels) / static_cast<double>(std::max<std::size_t>(n, 1));
     quality_.row_rays = Quality::of(options_).row_rays;
     while (quality_.row_rays < 2048 && quality_.row_rays * 2 <= per_patch) quality_.row_rays *= 2;
     patch_emitter_.clear();
@@ -283,29 +284,34 @@ std::vector<Rgbd> Bake::solve_patches() {
 
     find_neighbours();
     trace_rows();
-    const Rows rows = merge_rows();
+    rows_ = merge_rows();
     std::vector<Rgbd> rho;
     for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
     // First everything gathered, to know what is bright and what is dark; then the lights that deserve their own
     // rays.
-    const std::vector<Rgbd> estimate = solve(rows, gathered_emission(false), rho, &out_.iterations, &residual_);
-    choose_lights(estimate);
-    std::vector<std::uint32_t> all(n);
-    std::iota(all.begin(), all.end(), 0u);
-    luxel_direct(all);
+    choose_lights(solve(rows_, gathered_emission(false), rho, &out_.iterations, &residual_));
+    effort_.assign(n, 1);
+    luxel_direct_all();
+    rays_.assign(n, quality_.first_rays);
+}
+
+// All bounces from the direct light of the luxels: total irradiance of the patches.
+std::vector<Rgbd> Bake::solve_patches() {
+    const std::size_t n = patches_.patches.size();
+    std::vector<Rgbd> rho;
+    for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
     const std::vector<Rgbd> direct = patch_direct();
     std::vector<Rgbd> first = gathered_emission(true);
     for (std::size_t p = 0; p < n; ++p) first[p] += direct[p];
-    std::vector<Rgbd> total = solve(rows, first, rho, &out_.iterations, &residual_);
-    std::vector<Rgbd> rest(n);
-    for (std::size_t p = 0; p < n; ++p) rest[p] = total[p] - direct[p];
-    reflected_ = reflected_light(rest, total);
-    coarse_ = coarse_light(rows, direct, first);
+    std::vector<Rgbd> total = solve(rows_, first, rho, &out_.iterations, &residual_);
+    rest_.resize(n);
+    for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
+    reflected_ = reflected_light(rest_, total);
+    coarse_ = coarse_light(rows_, direct, first);
     double area = 0, sum = 0;
     for (std::size_t p = 0; p < n; ++p)
         area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
     floor_ = area > 0 ? options_.error_floor * sum / area : 0;
-    rays_.assign(n, quality_.first_rays);
     return total;
 }
 
@@ -341,17 +347,26 @@ Lighting Bake::run() {
     out_.rnm.resize(rnm);
 
     edges_ = piece_adjacency(surfaces_);
+    make_patches();
     std::vector<Rgbd> total = solve_patches();
     const double target = options_.error_percent / 100;
     const auto one_in = static_cast<std::uint32_t>(
         std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
     // Patches as small as the target asks for: where a few luxels say that they matter more than they may, half as large.
-    for (int k = 0; k < kPatchRefinements; ++k) {
+    PilotResult first = pilot(4 * one_in);
+    for (int k = 0; k < kPatchRefinements && first.bias > kPatchShare * target; ++k) {
         const std::size_t before = patches_.patches.size();
-        if (4 * before * quality_.row_rays > kMostRowHits || pilot(4 * one_in).bias <= kPatchShare * target) break;
+        if (4 * before * quality_.row_rays > kMostRowHits) break;
         quality_.patch_size /= 2;
+        make_patches();
         total = solve_patches();
+        first = pilot(4 * one_in);
         if (patches_.patches.size() <= before) break; // they are luxels already
+    }
+    // And direct light as exact as it asks for, where it is not.
+    if (first.direct > kDirectShare * target) {
+        luxel_direct(share_direct(first.direct, kDirectShare * target));
+        total = solve_patches();
     }
     const std::size_t n = patches_.patches.size();
     std::vector<std::uint32_t> all(n);
@@ -382,6 +397,11 @@ Lighting Bake::run() {
     constexpr int kTopUps = 3;
     for (int top_up = 0; top_up < kTopUps && std::hypot(check.gather, check.direct, check.bias) > target;
          ++top_up) {
+        if (check.direct > 1.3 * kDirectShare * target) {
+            again = share_direct(check.direct, kDirectShare * target);
+            luxel_direct(again);
+            check.direct = kDirectShare * target;
+        }
         const double room = target * target - check.direct * check.direct - check.bias * check.bias;
         if (room < 0.04 * target * target) break; // more rays would not help
         wanted *= std::min(0.8, 0.9 * std::sqrt(room) / check.gather);

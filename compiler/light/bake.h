@@ -28,7 +28,7 @@ struct LightRef {
     bool is_emitter = false;
     bool penumbra = false;     // some test rays saw it and some did not, here or at a neighbour
     bool hidden = false;       // no test ray saw it (entities only: they cannot be left to gathered rays)
-    std::uint16_t samples = 1; // per luxel where it is not in full view
+    std::uint16_t samples = 1; // per luxel where it is not in full view, at an effort of 1
 };
 
 struct HitCounts {
@@ -43,7 +43,7 @@ struct Quality {                        // what the error target buys; tuned in 
     double patch_size = 32;             // map units
     std::uint32_t row_rays = 256;       // per patch
     std::uint32_t visibility_rays = 16; // per patch and candidate light
-    std::uint32_t direct_samples = 16;  // per luxel and light, at most
+    std::uint32_t direct_samples = 4;   // per luxel and light at first; more where that is too noisy
     double promotion = 0.005;   // an emitter whose predicted noise exceeds this share of E is sampled explicitly
     double light_cutoff = 5e-3; // entity lights that together bring less than this share of E are left out
     std::uint32_t first_rays = 64, most_rays = 4096; // per luxel: of the first pass; where it is noisy
@@ -96,6 +96,7 @@ private:
         std::vector<std::uint32_t> patch;
         std::vector<float> weight;
     };
+    void make_patches();
     std::vector<Rgbd> solve_patches();
     // rows.cpp
     void trace_rows();
@@ -107,7 +108,8 @@ private:
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
     void direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
-                   const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const;
+                   const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays, double* variance, // += of the mean, from its places
+                   std::vector<std::uint8_t>* divided) const; // set for lights that the test rays were wrong about
     double threshold(std::uint32_t patch,
                      std::uint32_t emitter) const; // form factor from which on it is worth rays
     bool looks_many_ways(std::uint32_t patch) const;
@@ -117,7 +119,9 @@ private:
     bool receives(std::uint32_t patch) const;
     // Adds emitters to the lists of patches and of their neighbours; which patches changed.
     std::vector<std::uint32_t> add_emitters(const std::vector<std::vector<std::uint32_t>>& found);
-    void luxel_direct(std::span<const std::uint32_t> patches);
+    std::vector<std::vector<std::uint8_t>> luxel_direct(std::span<const std::uint32_t> patches);
+    void luxel_direct_all();
+    std::vector<std::uint32_t> share_direct(double measured, double wanted);
     std::vector<Rgbd> patch_direct();
     // gather.cpp
     void patch_guide(std::uint32_t patch, const HemisphereMap& map, Guide* guide) const;
@@ -173,6 +177,11 @@ private:
     std::vector<std::uint32_t> luxel_patch_;   // per luxel: the patch of most of its footprint
     std::vector<std::uint32_t> patch_luxel_first_, patch_luxels_; // luxels by that patch
     std::vector<KernelSum> direct_;                               // per luxel
+    std::vector<float> direct_variance_;                          // per luxel: of its mean, as the spread between places has it
+    std::vector<std::uint16_t> effort_;                           // per patch: times the samples of its lights
+    std::uint64_t direct_passes_ = 0;
+    Rows rows_;
+    std::vector<Rgbd> rest_;                                      // per patch: irradiance that is not direct
     std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
     ReflectedLight reflected_;
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
@@ -182,6 +191,8 @@ private:
     std::atomic<std::uint64_t> shadow_rays_{0};
     Lighting out_;
 };
+
+constexpr double kNoiseRate = 0.65; // noise of these bundles falls as N to the minus this
 
 // What leaves a hit by reflection.
 Rgbd reflected_radiance(const Surfaces& surfaces, const LuxelIndex& index, const PatchTable& patches,

@@ -3,6 +3,7 @@
 #include "libs/parallel/parallel.h"
 #include <bit>
 #include <numbers>
+#include <numeric>
 
 namespace kiln {
 namespace {
@@ -63,7 +64,7 @@ double Bake::form_factor_bound(std::uint32_t p, std::uint32_t i) const {
 // far beyond 1 where a sliver of sun falls into a dark room.
 std::uint16_t Bake::penumbra_samples(double share) const {
     const double wanted = quality_.direct_samples * (share < 1 ? std::min(1.0, 3 * share) : std::min(share, 8.0));
-    std::uint32_t n = 4;
+    std::uint32_t n = 2;
     while (n < wanted) n *= 2;
     return static_cast<std::uint16_t>(n);
 }
@@ -247,7 +248,7 @@ double Bake::distance_to(const LightRef& ref, Vec3 x) const {
 
 // Explicit light averaged over a footprint. Places and points on the light share one sequence.
 void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
-                     const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays) const {
+                     const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays, double* variance, std::vector<std::uint8_t>* divided) const {
     using Point = Footprint::Point;
     for (const LightRef& ref : lists_[patch]) {
         const Sobol points(mix(seed, ref.light, static_cast<std::uint64_t>(ref.is_emitter)));
@@ -262,36 +263,62 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
             if (ref.is_emitter) {
                 const Emitter& e = emitters_.emitters[ref.light];
                 const Vec3 off = e.normal * scene_.push_off();
-                emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, trace ? EmitterSet::Arrival::each : EmitterSet::Arrival::whole,
-                                 [&](Vec3 y, Vec3 flux) {
-                                     if (trace) {
-                                         ++tested;
-                                         if (scene_.occluded(x, y + off)) return;
-                                         ++seen;
-                                     }
-                                     if (!out) return;
-                                     const double solid = length(flux);
-                                     kernel.add(*out, flux / solid, e.radiance * solid);
-                                 });
+                const auto bring = [&](Vec3 y, Vec3 flux) {
+                    if (trace) {
+                        ++tested;
+                        if (scene_.occluded(x, y + off)) return;
+                        ++seen;
+                    }
+                    if (!out) return;
+                    const double solid = length(flux);
+                    kernel.add(*out, flux / solid, e.radiance * solid);
+                };
+                if (!trace) {
+                    emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, EmitterSet::Arrival::whole, bring);
+                    return;
+                }
+                // A large one comes in more parts than are worth rays: evenly spaced by what they bring, the parts in between standing for
+                // their neighbours.
+                thread_local std::vector<std::pair<Vec3, Vec3>> parts;
+                parts.clear();
+                double all = 0;
+                emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, EmitterSet::Arrival::each,
+                                 [&](Vec3 y, Vec3 flux) { parts.emplace_back(y, flux), all += length(flux); });
+                const double step = parts.size() > each ? all / each : 0;
+                double next = step * points(index, 4), sum_before = 0;
+                for (const auto& [y, flux] : parts) {
+                    if (step == 0) {
+                        bring(y, flux);
+                        continue;
+                    }
+                    const double solid = length(flux);
+                    int times = 0;
+                    for (sum_before += solid; next < sum_before; next += step) ++times;
+                    if (times) bring(y, flux * (times * step / solid));
+                }
                 return;
             }
             const Light& light = lights_[ref.light];
-            LightSample s;
-            if (!sample_light(light, x, normal, points.pair(index, 2), &s)) return;
-            if (trace) {
-                ++tested;
-                if (!arrives(scene_, x, s)) return;
-                ++seen;
+            // Of a sun in full view many points of its disc: where it grazes a surface one of them says little.
+            const std::uint32_t many = !trace && light.kind == LightKind::sun && light.angular_radius_rad > 0 ? each : 1;
+            for (std::uint32_t k = 0; k < many; ++k) {
+                LightSample s;
+                if (!sample_light(light, x, normal, points.pair(index * many + k, 2), &s)) continue;
+                if (trace) {
+                    ++tested;
+                    if (!arrives(scene_, x, s)) return;
+                    ++seen;
+                }
+                if (!out) return;
+                kernel.add(*out, s.direction, s.weight * (1.0 / many));
+                if (light.angle_scale < 1) kernel.add(*out, normal, s.ambient * (1.0 / many));
             }
-            if (!out) return;
-            kernel.add(*out, s.direction, s.weight);
-            if (light.angle_scale < 1) kernel.add(*out, normal, s.ambient);
         };
         if (!ref.penumbra) {
             // In full view of the patch, or not seen at all: a few rays to make sure, more for a strong light.
             // Where they agree there is no noise: the light is evaluated in the middle, its gradient cancels over
             // the luxel. What does not is about (size / distance)^2, shared by the places where it is evaluated.
-            const std::uint32_t checks = ref.samples <= 8 ? 1 : 4;
+            const std::uint32_t checks = ref.samples <= 2 ? 1 : 4;
             for (std::uint32_t k = 0; k < checks; ++k)
                 shine(checks == 1 && !ref.hidden ? middle : place(k), k, 1, true, nullptr);
             *rays += tested;
@@ -312,38 +339,124 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
                 *sum += part;
                 continue;
             }
+            if (divided) (*divided)[static_cast<std::size_t>(&ref - lists_[patch].data())] = 1;
             seen = tested = 0;
         }
         // A shadow edge. The number of rays follows from the patch's test rays, never from these: were it made by
         // these, edges would lose the light of luxels hardly lit. A large or near emitter is many lights: fewer
         // places, more points on it from each.
         const bool near = ref.is_emitter && !emitters_.is_far(ref.light, middle.position, middle.normal);
-        const std::uint32_t places = near ? std::clamp<std::uint32_t>(ref.samples / 8, 4, 8) : ref.samples;
-        const std::uint32_t each = near ? 2 * ref.samples / places : 1;
+        const std::uint32_t samples = std::uint32_t{ref.samples} * effort_[patch];
+        const std::uint32_t places = near ? std::max<std::uint32_t>(samples / 8, samples < 8 ? 2 : 4) : samples;
+        const std::uint32_t each = near ? 2 * samples / places : 1;
         KernelSum part;
-        for (std::uint32_t k = 0; k < places; ++k) shine(place(k), k, each, true, &part);
+        double squares = 0;
+        for (std::uint32_t k = 0; k < places; ++k) {
+            KernelSum one;
+            shine(place(k), k, each, true, &one);
+            squares += square(mean(one.flat));
+            part += one;
+        }
         part *= 1.0 / places;
+        if (variance) *variance += std::max(0.0, squares / places - square(mean(part.flat))) / (places - 1);
         *sum += part;
         *rays += tested;
     }
 }
 
-void Bake::luxel_direct(std::span<const std::uint32_t> patches) {
+// Which lights were found to be in full view of some luxels of a patch only, though its test rays had agreed: per patch and place in its list.
+std::vector<std::vector<std::uint8_t>> Bake::luxel_direct(std::span<const std::uint32_t> patches) {
     direct_.resize(surfaces_.luxels.size());
+    direct_variance_.resize(surfaces_.luxels.size());
+    std::vector<std::vector<std::uint8_t>> divided(patches_.patches.size());
+    // Other points each time: that a place was found noisy must not be part of its value.
+    const std::uint64_t pass = 1024 + direct_passes_++;
     constexpr std::size_t kChunk = 16;
     parallel_for(context_, "light: direct", (patches.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
         std::uint64_t rays = 0;
         for (const std::uint32_t p :
-             patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk)))
+             patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
+            divided[p].resize(lists_[p].size());
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
-                direct_[l] = {};
+                direct_[l] = {}, direct_variance_[l] = 0;
                 const Footprint footprint = footprint_of_luxel(l);
                 if (footprint.empty()) continue;
-                direct_at(footprint, p, seed_at(luxel_centroid(surfaces_.luxels[l]), 3), kernel_of(l), &direct_[l], &rays);
+                double variance = 0;
+                direct_at(footprint, p, seed_at(luxel_centroid(surfaces_.luxels[l]), pass), kernel_of(l), &direct_[l], &rays, &variance, &divided[p]);
+                direct_variance_[l] = static_cast<float>(variance);
             }
+        }
         shadow_rays_ += rays;
     });
+    return divided;
+}
+
+// Where one luxel of a patch finds that its test rays were wrong about a light, others may have missed what it found: the patch and those
+// next to it look at that light closely from then on, and are done again.
+void Bake::luxel_direct_all() {
+    std::vector<std::uint32_t> patches(patches_.patches.size());
+    std::iota(patches.begin(), patches.end(), 0u);
+    constexpr int kRounds = 3;
+    for (int round = 0; round < kRounds && !patches.empty(); ++round) {
+        const std::vector<std::vector<std::uint8_t>> divided = luxel_direct(patches);
+        std::vector<std::uint8_t> again(patches_.patches.size());
+        for (std::uint32_t p = 0; p < divided.size(); ++p)
+            for (std::size_t r = 0; r < divided[p].size(); ++r) {
+                if (!divided[p][r]) continue;
+                const LightRef found = lists_[p][r];
+                const auto mark = [&](std::uint32_t q) {
+                    for (LightRef& ref : lists_[q])
+                        if (ref.light == found.light && ref.is_emitter == found.is_emitter && !ref.penumbra) ref.penumbra = true, again[q] = 1;
+                };
+                mark(p);
+                for (const std::uint32_t q : neighbours_[p]) mark(q);
+            }
+        patches.clear();
+        for (std::uint32_t p = 0; p < again.size(); ++p)
+            if (again[p]) patches.push_back(p);
+    }
+    if (!patches.empty()) luxel_direct(patches);
+}
+
+// Samples of direct light where they are worth it, as share_rays: such that its noise, `measured` as things are, becomes `wanted` at the
+// least cost. The spread between the places of a luxel says where it is, not how large: places are spread evenly. Which patches changed.
+std::vector<std::uint32_t> Bake::share_direct(double measured, double wanted) {
+    constexpr std::uint16_t kMostEffort = 64;
+    const std::size_t n = patches_.patches.size();
+    std::vector<double> area(n), variance(n);
+    for (std::size_t p = 0; p < n; ++p) {
+        for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
+            const std::uint32_t l = patch_luxels_[k];
+            const Luxel& luxel = surfaces_.luxels[l];
+            const double a = luxel.area * luxel_area(surfaces_, luxel.face), scale = std::max(mean(direct_[l].flat) + mean(rest_[p]), floor_);
+            area[p] += a;
+            if (scale > 0) variance[p] += a * direct_variance_[l] / (scale * scale);
+        }
+        if (area[p] > 0) variance[p] /= area[p];
+    }
+    double all = 0, seen = 0;
+    for (std::size_t p = 0; p < n; ++p) all += area[p], seen += area[p] * variance[p];
+    if (!(seen > 0)) return {};
+    const double size = measured * measured * all / seen;
+    const double power = 2 / (1 + 2 * kNoiseRate);
+    double sum = 0;
+    std::vector<double> noise(n);
+    for (std::size_t p = 0; p < n; ++p) {
+        double around = variance[p];
+        for (const std::uint32_t q : neighbours_[p]) around += variance[q];
+        noise[p] = std::sqrt(size * std::max(variance[p], around / static_cast<double>(1 + neighbours_[p].size())));
+        sum += area[p] * std::pow(noise[p], 2 - 2 * kNoiseRate * power);
+    }
+    const double c = std::pow(sum / (all * wanted * wanted), 1 / (2 * kNoiseRate));
+    std::vector<std::uint32_t> changed;
+    for (std::uint32_t p = 0; p < n; ++p) {
+        const double more = c * std::pow(noise[p], power);
+        std::uint32_t by = 1;
+        while (effort_[p] * by < kMostEffort && by * 1.41 < more) by *= 2;
+        if (by > 1) effort_[p] = static_cast<std::uint16_t>(effort_[p] * by), changed.push_back(p);
+    }
+    return changed;
 }
 
 // Direct irradiance of patches: the mean of their luxels; patches without any are sampled for themselves.
@@ -372,7 +485,7 @@ std::vector<Rgbd> Bake::patch_direct() {
         std::uint64_t rays = 0;
         for (std::uint64_t t = 0; t < kTimes; ++t) {
             KernelSum sum;
-            direct_at(footprint, p, seed_at(patch.centroid, 16 + t), kernel, &sum, &rays);
+            direct_at(footprint, p, seed_at(patch.centroid, 16 + t), kernel, &sum, &rays, nullptr, nullptr);
             out[p] += sum.flat * (1.0 / kTimes);
         }
         shadow_rays_ += rays;

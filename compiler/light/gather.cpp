@@ -10,7 +10,6 @@ constexpr double kPi = std::numbers::pi;
 double luminance(Rgbd c) {
     return mean(c);
 }
-constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to the minus this
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 } // namespace
 
@@ -364,7 +363,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
                 KernelSum coarse, direct;
                 KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse).sum;
                 std::uint64_t shadow = 0;
-                direct_at(footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow);
+                direct_at(footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
                 fine += direct, coarse += direct;
                 result.value[r] = kernel.shown(fine), result.direct[r] = kernel.shown(direct);
                 const std::array<Rgbd, 4> other = kernel.shown(coarse);
@@ -379,7 +378,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             const auto light = [&](const LuxelKernel& k) {
                 KernelSum sum = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr).sum;
                 std::uint64_t shadow = 0;
-                direct_at(footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &sum, &shadow);
+                direct_at(footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &sum, &shadow, nullptr, nullptr);
                 return sum;
             };
             const KernelSum base = light(kernel);
