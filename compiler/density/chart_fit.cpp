@@ -57,14 +57,19 @@ public:
             for (std::uint32_t i = 0; i < vx_ - 1; ++i)
                 if (quad(i, j))
                     for (const std::size_t v : {vertex(i, j), vertex(i + 1, j), vertex(i, j + 1), vertex(i + 1, j + 1)}) ++used_[v];
-        may_ = l_.allowed;
+        may_ = l_.allowed, black_.assign(used_.size(), 0);
         for (std::size_t k = 0; k < may_.size(); ++k) may_[k] += l_.noise[k] + l_.guess[k];
         std::array<double, kMostChannels> value{};
         for (std::uint32_t j = 0; j < vy_; ++j)
             for (std::uint32_t i = 0; i < vx_; ++i) {
                 if (!used_[vertex(i, j)]) continue;
                 lookup(l_.texels.data(), l_.width, l_.channels, read_at(0.5 * i, l_.width), read_at(0.5 * j, l_.height), value.data());
-                for (std::size_t k = 0; k < l_.channels; ++k) shown_[vertex(i, j) * l_.channels + k] = static_cast<float>(value[k]);
+                bool black = true;
+                for (std::size_t k = 0; k < l_.channels; ++k) shown_[vertex(i, j) * l_.channels + k] = static_cast<float>(value[k]), black = black && value[k] == 0;
+                if (!black) continue;
+                // No light comes there, and none will: least squares and a bound alone would let a little through.
+                black_[vertex(i, j)] = 1;
+                for (std::size_t c = 0; c < 3; ++c) may_[3 * vertex(i, j) + c] = 1e-3f * l_.allowed[3 * vertex(i, j) + c];
             }
     }
     std::optional<ChartFit> coarsest();
@@ -75,6 +80,7 @@ private:
     std::vector<std::uint8_t> used_; // per vertex: covered quads around it
     std::vector<float> shown_;       // per used vertex and channel
     std::vector<float> may_;         // per vertex, r g b: by how much it may be off, noise included
+    std::vector<std::uint8_t> black_; // per vertex: nothing is shown there
 
     std::size_t vertex(std::uint32_t i, std::uint32_t j) const { return std::size_t{j} * vx_ + i; }
     bool quad(std::uint32_t i, std::uint32_t j) const { return l_.covered[std::size_t{j} * (vx_ - 1) + i]; }
@@ -173,6 +179,17 @@ ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
         for (std::uint32_t i = 0; i < ax.n; ++i)
             lookup(l_.texels.data(), l_.width, channels, read_at((i + 0.5 - ax.shift) / ax.scale, l_.width), read_at((j + 0.5 - ay.shift) / ay.scale, l_.height),
                    &texel[(std::size_t{j} * ax.n + i) * channels]);
+    // What shows black is black.
+    std::vector<std::uint8_t> held(n);
+    for (std::uint32_t j = 0; j < vy_; ++j)
+        for (std::uint32_t i = 0; i < vx_; ++i) {
+            if (!black_[vertex(i, j)]) continue;
+            for (const auto& [row, wy] : {std::pair{y[j].at, 1 - y[j].weight}, {y[j].next, y[j].weight}})
+                for (const auto& [column, wx] : {std::pair{x[i].at, 1 - x[i].weight}, {x[i].next, x[i].weight}})
+                    if (wx > 0 && wy > 0) held[std::size_t{row} * ax.n + column] = 1;
+        }
+    for (std::size_t t = 0; t < n; ++t)
+        if (held[t]) std::fill_n(texel.begin() + static_cast<std::ptrdiff_t>(t * channels), channels, 0.0);
     // The normal equations: of each texel and the eight around it, [texel * 9 + 3 * (dy + 1) + dx + 1].
     std::vector<double> matrix(n * 9), residual(n * channels);
     double total = 0;
@@ -203,7 +220,10 @@ ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
                 for (std::size_t k = 0; k < channels; ++k) residual[t[a] * channels + k] += weight * w[a] * off[k];
             }
         }
-    for (std::size_t t = 0; t < n; ++t) matrix[t * 9 + 4] += kKeep * total / static_cast<double>(n);
+    for (std::size_t t = 0; t < n; ++t) {
+        matrix[t * 9 + 4] += kKeep * total / static_cast<double>(n);
+        for (std::size_t k = 0; held[t] && k < channels; ++k) residual[t * channels + k] = 0;
+    }
 
     // Conjugate gradients, preconditioned by the diagonal, all channels side by side.
     const std::size_t size = n * channels;
@@ -236,6 +256,7 @@ ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
         for (std::size_t t = 0; t < n; ++t)
             for (std::size_t k = 0; k < channels; ++k) {
                 const std::size_t at = t * channels + k;
+                if (held[t]) continue;
                 change[at] += a[k] * step[at], residual[at] -= a[k] * image[at];
                 next[k] += residual[at] * scaled(t, k);
             }

@@ -192,6 +192,29 @@ TEST(Density, HardShadowStaysFineAcrossIt) {
     EXPECT_EQ(g.height, chart.height);
 }
 
+// Light that ends at a wall does not come through, be it as little as the bound.
+TEST(Density, BlackStaysBlack) {
+    Room room;
+    room.light([](Vec3 p, Vec3) { const auto v = static_cast<float>(p.x > 250 ? 0 : 1 + 0.2 * std::sin(p.y / 40)); return Rgb{v, v, v}; }, RnmEncoding::dot, 2);
+    const Density d = room.coarse(5);
+    EXPECT_LT(3 * d.flat.size(), 2 * room.surfaces.texel_count);
+    const Bytes full = room.level(nullptr), coarse = room.level(&d);
+    const level::Level a(full), b(coarse);
+    std::size_t black = 0;
+    for (std::uint32_t f = 0; f < a.faces().size(); ++f)
+        for (double x = 1; x < 512; x += 7.3)
+            for (double y = 1; y < 320; y += 9.1) {
+                const double at[3] = {x, y, y / 3};
+                float ea[3], eb[3];
+                if (kiln_level_eval_flat(a.get(), f, at, ea) != KILN_OK || ea[0] > 0) continue;
+                ASSERT_EQ(kiln_level_eval_flat(b.get(), f, at, eb), KILN_OK);
+                if (std::abs(a.faces()[f].normal[2]) < 0.9f) continue; // the point is not on a wall
+                ASSERT_EQ(eb[0], 0.0f) << x << " " << y;
+                ++black;
+            }
+    EXPECT_GT(black, 1000u);
+}
+
 Field waves(double length, std::uint32_t seed) {
     std::mt19937 random{seed};
     std::array<double, 9> k{};
