@@ -221,7 +221,7 @@ ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
             }
         }
     for (std::size_t t = 0; t < n; ++t) {
-        matrix[t * 9 + 4] += kKeep * total / static_cast<double>(n);
+        matrix[t * 9 + 4] += kKeep * (total > 0 ? total : 1) / static_cast<double>(n);
         for (std::size_t k = 0; held[t] && k < channels; ++k) residual[t * channels + k] = 0;
     }
 

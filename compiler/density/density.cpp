@@ -117,26 +117,27 @@ void Coarsening::fill(ChartLight& out, const Chart& chart) const {
 
 void Coarsening::cover(ChartLight& out, std::size_t chart) const {
     constexpr double kTouch = 1e-6; // luxels: less than that into a quad is not in it
-    const std::uint32_t across = 2 * out.width;
-    out.covered.assign(std::size_t{across} * 2 * out.height, 0);
-    for (std::uint32_t l = first_luxel_[chart]; l < first_luxel_[chart + 1]; ++l)
-        for (std::uint32_t k = 0; k < s_.luxels[l].piece_count; ++k) {
-            Vec2 lo{1e30, 1e30}, hi{-1e30, -1e30};
-            for (const Vec2 p : points_of(s_, s_.pieces[s_.luxels[l].first_piece + k])) lo = {std::min(lo.x, p.x), std::min(lo.y, p.y)}, hi = {std::max(hi.x, p.x), std::max(hi.y, p.y)};
-            const auto first = [](double v) { return static_cast<std::int64_t>(std::floor(2 * v + kTouch)); };
-            const auto last = [](double v) { return static_cast<std::int64_t>(std::ceil(2 * v - kTouch)) - 1; };
-            for (std::int64_t y = std::max<std::int64_t>(0, first(lo.y)); y <= std::min<std::int64_t>(last(hi.y), 2 * out.height - 1); ++y)
-                for (std::int64_t x = std::max<std::int64_t>(0, first(lo.x)); x <= std::min<std::int64_t>(last(hi.x), across - 1); ++x)
-                    out.covered[static_cast<std::size_t>(y) * across + static_cast<std::size_t>(x)] = 1;
-        }
-    // The grid reaches as far as the quads do.
+    const std::int64_t across = 2 * std::int64_t{out.width}, down = 2 * std::int64_t{out.height};
+    out.covered.assign(static_cast<std::size_t>(across * down), 0);
+    // A grid reaches as far as the quads do, be they lit or not.
     out.from = {out.width + 0.0, out.height + 0.0}, out.to = {0, 0};
-    for (std::uint32_t y = 0; y < 2 * out.height; ++y)
-        for (std::uint32_t x = 0; x < across; ++x) {
-            if (!out.covered[std::size_t{y} * across + x]) continue;
-            out.from = {std::min(out.from.x, 0.5 * x), std::min(out.from.y, 0.5 * y)};
-            out.to = {std::max(out.to.x, 0.5 * (x + 1)), std::max(out.to.y, 0.5 * (y + 1))};
+    for (std::uint32_t l = first_luxel_[chart]; l < first_luxel_[chart + 1]; ++l) {
+        const Luxel& luxel = s_.luxels[l];
+        // Neither baked nor filled: more than two luxels deep in what is solid, and black for want of light to fill it with.
+        const bool known = light_.valid[s_.charts[chart].first_texel + luxel.y * out.width + luxel.x] != 0;
+        for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
+            Box3 box;
+            for (const Vec2 p : points_of(s_, s_.pieces[luxel.first_piece + k])) box.add(Vec3{p.x, p.y, 0});
+            const auto first = [](double v) { return std::max<std::int64_t>(0, static_cast<std::int64_t>(std::floor(2 * v + kTouch))); };
+            const auto end = [](double v, std::int64_t most) { return std::min(most, static_cast<std::int64_t>(std::ceil(2 * v - kTouch))); };
+            const std::int64_t x0 = first(box.lo.x), y0 = first(box.lo.y), x1 = end(box.hi.x, across), y1 = end(box.hi.y, down);
+            if (x0 >= x1 || y0 >= y1) continue;
+            out.from = {std::min(out.from.x, 0.5 * static_cast<double>(x0)), std::min(out.from.y, 0.5 * static_cast<double>(y0))};
+            out.to = {std::max(out.to.x, 0.5 * static_cast<double>(x1)), std::max(out.to.y, 0.5 * static_cast<double>(y1))};
+            for (std::int64_t y = y0; known && y < y1; ++y)
+                for (std::int64_t x = x0; x < x1; ++x) out.covered[static_cast<std::size_t>(y * across + x)] = 1;
         }
+    }
 }
 
 // Half luxels whose corners an edge with another chart comes by.
@@ -210,7 +211,7 @@ void Coarsening::allow(ChartLight& out, std::size_t chart) const {
                 double flat = 0, spread = 0, apart = 0;
                 for (std::size_t k = 0; k < 4; ++k) {
                     const double e = light_.flat[b.texel[k]][c];
-                    flat += b.weight[k] * e, spread += b.weight[k] * e * noise[b.texel[k] - first], apart += b.weight[k] * guess[3 * (b.texel[k] - first) + c];
+                    flat += b.weight[k] * e, spread += b.weight[k] * std::min(e * noise[b.texel[k] - first], 2 * share_ * std::max(e, floor_)), apart += b.weight[k] * guess[3 * (b.texel[k] - first) + c];
                 }
                 out.scale[3 * v + c] = static_cast<float>(flat);
                 if (!seam[v]) out.noise[3 * v + c] = static_cast<float>(kSpreads * spread), out.guess[3 * v + c] = static_cast<float>(apart);

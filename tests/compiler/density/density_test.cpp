@@ -274,13 +274,13 @@ TEST(Density, NoiseIsNoDetail) {
     const auto grid = [&](double step, float known) {
         room.light(noisy(step));
         room.lighting.texel_error.assign(room.surfaces.texel_count, known);
-        return room.coarse(1).grids[floor];
+        return room.coarse(2).grids[floor];
     };
     const ChartGrid even = grid(0, 0.03f);
     EXPECT_EQ(even.width * even.height, 1u);
     const ChartGrid unknown = grid(0, 0);
     EXPECT_EQ(unknown.width * unknown.height, room.surfaces.charts[floor].width * room.surfaces.charts[floor].height);
-    const ChartGrid step = grid(0.08, 0.03f);
+    const ChartGrid step = grid(0.1, 0.03f);
     EXPECT_GT(step.width * step.height, 1u);
 }
 
