@@ -14,7 +14,7 @@
 namespace kiln {
 
 struct DensityOptions {
-    double error_percent = 1.25; // most that what is shown may change by; 0: every chart keeps its luxels
+    double error_percent = 2.5;  // most that what is shown may change by; 0: every chart keeps its luxels
     double error_floor = 0.02;   // of the scene mean: what is darker may change by as much as that much light
     template <class A> void fields(A& a) { a(error_percent, error_floor); }
 };
