@@ -186,7 +186,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.portals = vis_portals(out.bsp);
     if (done(Stage::bsp)) return true;
 
-    const auto surfaces = stages.run(Stage::surfaces, 6, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
+    const auto surfaces = stages.run(Stage::surfaces, 7, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;
@@ -200,7 +200,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
     const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), lights_key(out.lights));
-    const auto light = stages.run(Stage::light, 3, all(lit, options.light), places, out.lighting,
+    const auto light = stages.run(Stage::light, 4, all(lit, options.light), places, out.lighting,
                                   [&] { return bake_light(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options.light, context); });
     if (!light) return light.fault();
     if (done(Stage::light)) return true;

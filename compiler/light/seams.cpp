@@ -141,16 +141,20 @@ struct Row {
     }
 };
 
-// Minimises  sum of rows (sum of weight * x)^2 + sum of keep * (x - start)^2  where x >= least, one colour.
-// Conjugate gradients, preconditioned by the diagonal. Values that would fall below their least are held there and the others
-// solved for again.
+// Minimises  sum of rows (sum of weight * x)^2 + sum of keep * (x - start)^2, where asked with x >= 0, one colour.
+// Conjugate gradients, preconditioned by the diagonal. Values that would fall below 0 are held there and the others solved for again.
 class Fit {
 public:
     std::vector<Row> rows;
     std::vector<double> keep;        // per unknown
     bool non_negative = true;
 
-    std::vector<double> solve(const std::vector<double>& start) const {
+    // From its own solution once more: what holding to the values leaves of a mismatch shrinks by the same factor again, where the
+    // texels can follow at all.
+    std::vector<double> solve(const std::vector<double>& start) const { return nearest(nearest(start)); }
+
+private:
+    std::vector<double> nearest(const std::vector<double>& start) const {
         constexpr int kHolds = 8;
         std::vector<double> x = start;
         std::vector<bool> held(x.size());
@@ -164,7 +168,6 @@ public:
         return x;
     }
 
-private:
     void descend(const std::vector<double>& start, const std::vector<bool>& held, std::vector<double>& x) const {
         constexpr double kSmall = 1e-6; // of the first residual: rows then miss by that much of what they missed by
         constexpr int kMostSteps = 1000;

@@ -33,6 +33,7 @@ struct SeamPoint {
 // mesh go on, both are baked there, and nothing stands on the edge. In the order of the seams.
 std::vector<SeamPoint> seam_points(const Surfaces& surfaces, const Lighting& lighting, const TraceScene& scene, double density, Context& context);
 
+// Fits the texels of `lighting` that seams read. `error_floor`: share of the mean light below which differences are not relative.
 void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context);
 
 } // namespace kiln
