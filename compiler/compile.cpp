@@ -221,9 +221,14 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;
 
+    const auto density = stages.run(Stage::density, 1, all(lit, *light, options.density), places, out.density,
+                                    [&] { return coarsen(out.surfaces, out.lighting, options.density, context); });
+    if (!density) return density.fault();
+    if (done(Stage::density)) return true;
+
     const auto packed = stages.run_always(Stage::pack, out.level, [&]() -> Result<Bytes> {
         const PackInput content{world, out.csg, out.bsp, out.visibility, out.surfaces, out.lights, out.lighting, out.ambient, out.probes,
-                                options_json(options), to_hex(all(files, hash_of(world.materials))), kVersion};
+                                options_json(options), to_hex(all(files, hash_of(world.materials))), kVersion, &out.density};
         return pack(content, {.zstd_level = options.zstd_level, .strip = options.strip}, context);
     });
     if (!packed) return packed;
@@ -249,7 +254,8 @@ std::string options_json(const CompileOptions& o) {
           {"local_lights", o.ambient.local_lights}, {"rays", o.ambient.rays}, {"lattice_offset", o.ambient.lattice_offset}, {"seed", o.ambient.seed}}},
         {"probes", {{"default_size", o.probes.default_size}, {"prefilter_samples", o.probes.prefilter_samples}, {"supersample", o.probes.supersample}, {"seed", o.probes.seed}}},
         {"pack", {{"zstd_level", o.zstd_level}, {"strip", o.strip}}},
-        {"assemble", {{"cordon", o.assemble.cordon}}}};
+        {"assemble", {{"cordon", o.assemble.cordon}}},
+        {"density", {{"error_percent", o.density.error_percent}, {"error_floor", o.density.error_floor}}}};
     return j.dump();
 }
 

@@ -5,6 +5,7 @@
 // result, so that a warm build reports what the cold one did.
 #pragma once
 #include "compiler/assemble/assemble.h"
+#include "compiler/density/density.h"
 #include "compiler/pack/pack.h"
 #include "libs/store/store.h"
 #include <functional>
@@ -15,9 +16,9 @@ namespace kiln {
 
 inline constexpr const char* kVersion = "kiln 0.1.0"; // in what is written; stored results carry their stage's version too
 
-enum class Stage : std::uint8_t { read, world, csg, bsp, surfaces, visibility, light, ambient, probes, pack };
-constexpr std::array<const char*, 10> kStageNames = {"read",       "world", "csg",     "bsp",    "surfaces",
-                                                     "visibility", "light", "ambient", "probes", "pack"};
+enum class Stage : std::uint8_t { read, world, csg, bsp, surfaces, visibility, light, ambient, probes, density, pack };
+constexpr std::array<const char*, 11> kStageNames = {"read",       "world", "csg",     "bsp",    "surfaces",
+                                                     "visibility", "light", "ambient", "probes", "density", "pack"};
 
 constexpr std::optional<Stage> stage_named(std::string_view name) {
     for (std::size_t i = 0; i < kStageNames.size(); ++i)
@@ -37,8 +38,9 @@ struct CompileOptions {
     int zstd_level = 9;
     bool strip = false;
     AssembleOptions assemble;
+    DensityOptions density;
     template <class A> void fields(A& a) {
-        a(world, csg, bsp, visibility, surfaces, light, ambient, probes, zstd_level, strip, assemble);
+        a(world, csg, bsp, visibility, surfaces, light, ambient, probes, zstd_level, strip, assemble, density);
     }
 };
 std::string options_json(const CompileOptions& options); // stable text, recorded in the level
@@ -71,6 +73,7 @@ struct Compiled {
     Lighting lighting;
     Ambient ambient;
     Probes probes;
+    Density density;
     Bytes level;
     std::vector<StageReport> stages;
 };

@@ -37,6 +37,8 @@ std::string error_json(const ErrorReport& e) {
            ",\"iteration\":" + number(e.iteration) + ",\"representation\":" + number(e.representation) + "}";
 }
 
+bool coarse(const PackInput& in) { return in.density && !in.density->grids.empty(); }
+
 void add_planes(const PlaneTable& table, level::LevelContent& out) {
     out.plane_grid_bits = static_cast<std::uint32_t>(table.grid_bits);
     for (std::size_t i = 0; i < table.planes.size(); ++i) {
@@ -214,7 +216,8 @@ void add_curve(const PackInput& in, const Curve& curve, level::LevelContent& out
                 const Vec3f n = s.corner_normals[t][c];
                 const CurveCorner& from = s.corners_of(t)[c];
                 normals[c] = {n.x, n.y, n.z};
-                corners[c] = {floats(from.luxel), floats(from.uv), static_cast<float>(from.alpha)};
+                const Vec2 texel = f.chart.valid() && coarse(in) ? texel_from_luxel(in.density->grids[f.chart.at()], from.luxel) : from.luxel;
+                corners[c] = {floats(texel), floats(from.uv), static_cast<float>(from.alpha)};
             }
             out.corner_normals.push_back(normals), out.curve_corners.push_back(corners);
         }
@@ -288,15 +291,27 @@ void add_charts(const PackInput& in, level::LevelContent& out) {
             for (std::size_t t = c.first_texel; t < c.first_texel + texels; ++t)
                 if (light.texel_error[t] > 0) sum += light.texel_error[t], ++known;
         chart.error = known > 0 ? static_cast<float>(sum / known) : 0.0f;
+        std::uint32_t first_texel = c.first_texel, first_rnm = chart.directional ? light.rnm_first[i] : UINT32_MAX;
+        if (coarse(in)) {
+            const ChartGrid& g = in.density->grids[i];
+            const Vec3 origin = c.origin - (c.s * (g.shift.x / g.scale.x) + c.t * (g.shift.y / g.scale.y)) * c.luxel_size;
+            chart.origin = doubles(origin), chart.s = doubles(c.s * g.scale.x), chart.t = doubles(c.t * g.scale.y);
+            chart.width = g.width, chart.height = g.height;
+            first_texel = g.first_texel, first_rnm = g.first_rnm;
+        }
         out.charts.push_back(chart);
-        out.chart_first_texel.push_back(c.first_texel);
-        out.chart_first_rnm.push_back(chart.directional ? light.rnm_first[i] : UINT32_MAX);
+        out.chart_first_texel.push_back(first_texel);
+        out.chart_first_rnm.push_back(first_rnm);
     }
     KILN_CHECK(baked);
-    for (const Rgb& v : light.flat) out.flat.push_back(floats(v));
-    out.valid = light.valid, out.texel_error = light.texel_error;
-    out.rnm.reserve(light.rnm.size());
-    for (const auto& v : light.rnm) out.rnm.push_back({floats(v[0]), floats(v[1]), floats(v[2])});
+    const auto texels = [&](const auto& from) { // of Lighting or of Density
+        for (const Rgb& v : from.flat) out.flat.push_back(floats(v));
+        out.valid = from.valid, out.texel_error = from.texel_error;
+        out.rnm.reserve(from.rnm.size());
+        for (const auto& v : from.rnm) out.rnm.push_back({floats(v[0]), floats(v[1]), floats(v[2])});
+    };
+    if (coarse(in)) texels(*in.density);
+    else texels(light);
 }
 
 void add_lights(const PackInput& in, level::LevelContent& out) {

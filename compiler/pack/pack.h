@@ -7,6 +7,7 @@
 // Errors   none of its own; tables that contradict each other are a broken invariant (InternalError)
 #pragma once
 #include "compiler/ambient/ambient.h"
+#include "compiler/density/density.h"
 #include "compiler/light/light.h"
 #include "compiler/probes/probes.h"
 #include "compiler/visibility/visibility.h"
@@ -25,6 +26,7 @@ struct PackInput {
     const Ambient& ambient;
     const Probes& probes;
     std::string options_json, input_hash, version;
+    const Density* density = nullptr; // none, or without grids: all charts at full density
 };
 // What a level calls a file that the map brings in: where it lies beside the map, not where on this machine.
 std::string name_beside(const std::string& map, const std::string& file);

@@ -126,10 +126,13 @@ typedef struct kiln_face {
     float tangent[3], bitangent[3], normal[3]; /* of its texture; the bitangent keeps mirroring */
     double u_axis[3], v_axis[3], u_scale, v_scale, u_shift, v_shift; /* texel = dot(x, axis) / scale + shift */
 } kiln_face;
-typedef struct kiln_chart { /* a luxel grid; texel (i,j) is centred at luxel coordinate (i + .5, j + .5) */
+/* A luxel grid; texel (i,j) is centred at luxel coordinate (i + .5, j + .5). Where light varies little it is coarser than the map
+ * asks for, along each axis by itself: s and t are at right angles, and shorter than 1 by as much. No place of a face reads
+ * a texel beyond the grid. Charts of the same texels may share them: they have the same page, page_x and page_y. */
+typedef struct kiln_chart {
     double origin[3], s[3], t[3]; /* luxel coordinates of x: dot(x - origin, s) / luxel_size, the same with t;
-                                     not of curved faces */
-    float luxel_size;             /* map units */
+                                     not of curved faces. A texel is luxel_size / |s| map units wide */
+    float luxel_size;             /* map units: the finest, as the map asks for */
     uint32_t width, height;       /* texels, gutter included */
     uint32_t directional;         /* 1: three layers; 0: irradiance for the flat normal only */
     uint32_t smooth;              /* 1: the RNM frame follows the interpolated normal, see FORMAT.md */

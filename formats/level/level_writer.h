@@ -74,7 +74,7 @@ struct FaceInfo {
     std::uint32_t source_file = 0;
 };
 struct ChartInfo {
-    Double3 origin{}, s{}, t{};
+    Double3 origin{}, s{}, t{}; // s, t at right angles; shorter than 1 where texels are larger than luxel_size
     float luxel_size = 16;
     std::uint32_t width = 0, height = 0; // texels with gutter
     bool directional = false, smooth = false;
@@ -226,6 +226,7 @@ struct WriteOptions {
     int position_grid_bits = 8; // at most: mesh vertices are rounded to 2^-bits map units; fewer where exact
     bool rgb9e5 = true;         // flat and sq pages in 4 bytes a texel (0.2 % of the largest channel), else halfs
     std::uint32_t page_size = 1024; // largest width and height of an atlas page; a chart larger than this gets its own
+    bool share_texels = true;   // charts of the same texels lie on one place
 };
 // Throws std::invalid_argument where content contradicts itself, std::runtime_error where an encoder fails.
 std::vector<std::uint8_t> write_level(const LevelContent& content, const WriteOptions& options = {});

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Flat charts and directional charts go to pages of their own, so that a flat page costs one layer. Of a dot or sq
 // page the flat value is left out: (l0 + l1 + l2)/sqrt(3), or the mean, gives it back. Neither formula does so for
-// the tilted encoding, whose pages therefore carry it as a fourth layer.
+// the tilted encoding, whose pages therefore carry it as a fourth layer. Charts whose texels are stored as the same bytes share one place.
 #include "formats/level/lightmap_pages.h"
 #include "formats/level/atlas.h"
 #include "formats/level/numbers.h"
+#include <map>
 
 namespace kiln::level {
 namespace {
@@ -45,18 +46,36 @@ struct PageWriter {
         if (quality) q.assign(2 * page_texels, 0);
         for (const std::uint32_t c : charts) {
             const kiln_chart& chart = out.charts[c];
+            const bool shared = out.same_as[c] != c; // its texels are there; of what is known of them, the worst holds for both
             for (std::uint32_t y = 0; y < chart.height; ++y)
                 for (std::uint32_t x = 0; x < chart.width; ++x) {
                     const std::size_t from = std::size_t{y} * chart.width + x;
                     const std::size_t to = std::size_t{chart.page_y + y} * info.width + chart.page_x + x;
-                    for (std::uint32_t layer = 0; layer < info.layers; ++layer)
+                    for (std::uint32_t layer = 0; layer < info.layers && !shared; ++layer)
                         put(texels.data() + (layer * page_texels + to) * size, value(c, from, layer), info);
                     if (!quality) continue;
                     const std::size_t all = content.chart_first_texel[c] + from;
-                    if (!content.valid.empty()) q[to] = content.valid[all];
-                    if (!content.texel_error.empty()) q[page_texels + to] = error_code(content.texel_error[all]);
+                    if (!content.valid.empty() && (q[to] == 0 || content.valid[all] == 1)) q[to] = content.valid[all];
+                    if (!content.texel_error.empty()) q[page_texels + to] = std::max(q[page_texels + to], error_code(content.texel_error[all]));
                 }
         }
+    }
+
+    // A chart's texels as they would be stored on a page of their own.
+    Blob stored(std::uint32_t c, std::uint32_t layers, std::uint32_t format) const {
+        const std::size_t n = std::size_t{content.charts[c].width} * content.charts[c].height;
+        PageInfo info{content.charts[c].width, content.charts[c].height, layers, format, 1.0f};
+        float largest = 0;
+        for (std::uint32_t layer = 0; layer < layers; ++layer)
+            for (std::size_t i = 0; i < n; ++i)
+                for (const float v : value(c, i, layer))
+                    if (std::abs(v) <= 3e38f) largest = std::max(largest, std::abs(v));
+        info.scale = page_scale(largest);
+        Blob out(page_size(info) + 12);
+        std::memcpy(out.data(), &info.width, 4), std::memcpy(out.data() + 4, &info.height, 4), std::memcpy(out.data() + 8, &info.scale, 4);
+        for (std::uint32_t layer = 0; layer < layers; ++layer)
+            for (std::size_t i = 0; i < n; ++i) put(out.data() + 12 + (layer * n + i) * texel_size(format), value(c, i, layer), info);
+        return out;
     }
 
     static void put(std::uint8_t* at, Float3 value, const PageInfo& info) {
@@ -104,27 +123,42 @@ LightmapPages make_pages(const LevelContent& content, const WriteOptions& option
         out.charts.push_back(k);
     }
 
+    out.same_as.resize(n);
+    for (std::uint32_t i = 0; i < n; ++i) out.same_as[i] = i;
     for (const bool directional : {false, true}) {
-        std::vector<std::uint32_t> members;
+        const bool non_negative = !directional || content.rnm_encoding == KILN_RNM_SQ;
+        const std::uint32_t layers = !directional ? 1u : content.rnm_encoding == KILN_RNM_TILTED ? 4u : 3u;
+        const std::uint32_t format = options.rgb9e5 && non_negative ? KILN_TEXEL_RGB9E5 : KILN_TEXEL_HALF3;
+        PageWriter writer{content, out};
+        std::vector<std::uint32_t> members, of_kind; // those that need a place of their own; all
         std::vector<AtlasRect> rects;
-        for (std::uint32_t i = 0; i < n; ++i)
-            if (content.charts[i].directional == directional)
-                members.push_back(i), rects.push_back({content.charts[i].width, content.charts[i].height});
+        std::map<Blob, std::uint32_t> known;
+        for (std::uint32_t i = 0; i < n; ++i) {
+            if (content.charts[i].directional != directional) continue;
+            of_kind.push_back(i);
+            if (options.share_texels) {
+                const auto [at, first_of_them] = known.try_emplace(writer.stored(i, layers, format), i);
+                out.same_as[i] = at->second;
+                if (!first_of_them) continue;
+            }
+            members.push_back(i), rects.push_back({content.charts[i].width, content.charts[i].height});
+        }
+        known.clear();
         const Atlas atlas = pack_atlas(rects, options.page_size);
         const auto first = static_cast<std::uint32_t>(out.pages.size());
-        const bool non_negative = !directional || content.rnm_encoding == KILN_RNM_SQ;
         std::vector<std::vector<std::uint32_t>> on_page(atlas.pages.size());
         for (std::size_t i = 0; i < members.size(); ++i) {
             kiln_chart& c = out.charts[members[i]];
             c.page = first + atlas.places[i].page, c.page_x = atlas.places[i].x, c.page_y = atlas.places[i].y;
-            on_page[atlas.places[i].page].push_back(members[i]);
         }
-        for (const AtlasRect r : atlas.pages)
-            out.pages.push_back({r.width, r.height,
-                                 !directional ? 1u : content.rnm_encoding == KILN_RNM_TILTED ? 4u : 3u,
-                                 options.rgb9e5 && non_negative ? KILN_TEXEL_RGB9E5 : KILN_TEXEL_HALF3, 1.0f});
+        for (const std::uint32_t i : of_kind) {
+            kiln_chart& c = out.charts[i];
+            const kiln_chart& place = out.charts[out.same_as[i]];
+            c.page = place.page, c.page_x = place.page_x, c.page_y = place.page_y;
+            on_page[c.page - first].push_back(i);
+        }
+        for (const AtlasRect r : atlas.pages) out.pages.push_back({r.width, r.height, layers, format, 1.0f});
         out.texels.resize(out.pages.size()), out.quality.resize(out.pages.size());
-        PageWriter writer{content, out};
         for (std::size_t p = 0; p < on_page.size(); ++p)
             writer.write(first + static_cast<std::uint32_t>(p), on_page[p]);
     }

@@ -8,6 +8,7 @@ namespace kiln::level {
 
 struct LightmapPages {
     std::vector<kiln_chart> charts;
+    std::vector<std::uint32_t> same_as; // per chart: the first that has its texels; itself
     std::vector<PageInfo> pages;
     std::vector<Blob> texels;  // per page, run-time order
     std::vector<Blob> quality; // per page: validity, then error codes; empty where the content has none

@@ -24,6 +24,8 @@ void BakeOptions::add_to(CLI::App& command) {
         ->check(CLI::IsMember({"dot", "sq", "tilted"}));
     quality->add_option("--luxel", compile.world.lightmap_scale, "Luxel size where the map says nothing, map units (default 16)")
         ->check(CLI::Range(0.5, 1024.0))->type_name("UNITS");
+    quality->add_option("--luxel-error", luxel_error, "Most that coarser luxels may change of the light shown, percent; 0: none are coarser (default: half of --error)")
+        ->check(CLI::Range(0.0, 100.0))->type_name("PERCENT");
     quality->add_option("--max-texels", compile.surfaces.most_texels, "Lightmap texels beyond which the build stops with exit 5 (default 67 million)")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{UINT32_MAX}))->type_name("N");
     quality->add_option("--ambient-error", ambient_error, "Target error of interpolated ambient cubes, percent (default: twice --error, at least 10)")
@@ -61,6 +63,8 @@ void BakeOptions::settle(Console& console) {
     if (!error_given && draft) compile.light.error_percent = 20;
     if (!error_given && final) compile.light.error_percent = 1;
     compile.ambient.error_percent = ambient_error > 0 ? ambient_error : std::max(10.0, 2 * compile.light.error_percent);
+    compile.density.error_percent = luxel_error >= 0 ? luxel_error : compile.light.error_percent / 2;
+    compile.density.error_floor = compile.light.error_floor;
     compile.light.encoding = encoding == "sq" ? RnmEncoding::sq : encoding == "tilted" ? RnmEncoding::tilted : RnmEncoding::dot;
     compile.light.directional = directional == "all" ? Directional::all : directional == "none" ? Directional::none : Directional::needed;
     console.format = log_format == "json" ? LogFormat::json : LogFormat::text;

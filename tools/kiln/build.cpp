@@ -40,7 +40,8 @@ std::string report_json(const Compiled& c, const Console& console) {
                    {"leaves", c.bsp.leaves.size()}, {"clusters", c.bsp.cluster_count}, {"portals", c.portals.size()},
                    {"faces", c.surfaces.faces.size()}, {"luxels", c.surfaces.luxels.size()}, {"patches", c.lighting.patches.size()},
                    {"lights", c.lights.size()}, {"cubes", c.ambient.cubes.size()}, {"probes", c.probes.probes.size()},
-                   {"rays", c.lighting.rays + c.ambient.rays}};
+                   {"rays", c.lighting.rays + c.ambient.rays},
+                   {"texels_baked", c.surfaces.texel_count}, {"texels", c.density.grids.empty() ? c.surfaces.texel_count : c.density.flat.size()}};
     const ErrorReport& e = c.lighting.error;
     const auto done = [&](const char* stage) { return std::ranges::any_of(c.stages, [&](const StageReport& s) { return s.name == stage; }); };
     if (!done("light")) j["error"] = nullptr; // not known, which is not 0
@@ -175,6 +176,8 @@ Command build_command(CLI::App& app) {
             const ErrorReport& e = c.lighting.error;
             console.say(fmt::format("{}: {:.2f} MB, light error {:.1f} % ({:.1f} to {:.1f} %, asked for {:g} %), ambient {:.0f} %", output,
                                     static_cast<double>(c.level.size()) / 1e6, e.estimate, e.low, e.high, e.target, c.ambient.error_estimate));
+            if (c.density.flat.size() < c.surfaces.texel_count && !c.density.grids.empty())
+                console.say(fmt::format("{} luxels shown by {} texels", c.surfaces.texel_count, c.density.flat.size()));
             if (o->require_error > 0 && e.estimate > o->require_error)
                 return console.fail(fault(Exit::quality, "error-above-gate",
                                           fmt::format("the estimated error of the light is {:.2f} %, allowed are {:g} %", e.estimate, o->require_error),

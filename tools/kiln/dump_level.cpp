@@ -149,11 +149,14 @@ Rows dump_triangles(const kiln_level* l) {
             rows.push_back({{"triangle", k}, {"face", face}, {"vertices", part(t, 3 * k, 3)}, {"normals", points(n, 3 * k, 3)}});
     return rows;
 }
+double texel_edge(const double* axis, float luxel_size) { // map units
+    return static_cast<double>(luxel_size) / std::sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+}
 Rows dump_charts(const kiln_level* l) {
     Rows rows;
     const auto c = rows_of(l, kiln_level_charts);
     for (std::size_t i = 0; i < c.size(); ++i)
-        rows.push_back({{"chart", i}, {"origin", row(c[i].origin)}, {"s", row(c[i].s)}, {"t", row(c[i].t)}, {"luxel_size", c[i].luxel_size}, {"size", {c[i].width, c[i].height}},
+        rows.push_back({{"chart", i}, {"origin", row(c[i].origin)}, {"s", row(c[i].s)}, {"t", row(c[i].t)}, {"luxel_size", c[i].luxel_size}, {"texel", {texel_edge(c[i].s, c[i].luxel_size), texel_edge(c[i].t, c[i].luxel_size)}}, {"size", {c[i].width, c[i].height}},
                         {"directional", c[i].directional}, {"smooth", c[i].smooth}, {"error", c[i].error}, {"page", c[i].page}, {"at", {c[i].page_x, c[i].page_y}}});
     return rows;
 }

@@ -100,7 +100,7 @@ Result<Image> render_false_colour(const kiln_level* level, FalseColour kind) {
                 for (std::uint32_t y = 0; y < c.height; ++y)
                     for (std::uint32_t x = 0; x < c.width; ++x)
                         put(out, static_cast<int>(c.page_x + x), static_cast<int>(c.page_y + y),
-                            luxel_colour(c.luxel_size) * ((x + y) & 1 ? 1.0f : 0.8f));
+                            luxel_colour(texel_size(c)) * ((x + y) & 1 ? 1.0f : 0.8f));
             }
             return out;
         }

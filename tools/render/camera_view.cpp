@@ -329,7 +329,7 @@ private:
             return static_cast<std::size_t>(std::clamp(std::floor(at), 0.0, static_cast<double>(size - 1)));
         };
         const std::size_t x = texel(st[0], c.width), y = texel(st[1], c.height);
-        if (options_.show == Show::luxels) return luxel_colour(c.luxel_size) * ((x + y) & 1 ? 1.0f : 0.6f);
+        if (options_.show == Show::luxels) return luxel_colour(texel_size(c)) * ((x + y) & 1 ? 1.0f : 0.6f);
         if (quality_[c.page].valid.empty()) return {0.2f, 0.2f, 0.2f};
         const Quality& q = quality_[c.page];
         const std::size_t i = (c.page_y + y) * q.width + c.page_x + x;

@@ -1,5 +1,6 @@
 // False colours: a gradient for amounts, a hash for names.
 #pragma once
+#include "formats/level/kiln_level.h"
 #include "libs/core/hash.h"
 #include "libs/math/vec.h"
 #include <array>
@@ -29,6 +30,10 @@ inline Rgb validity_colour(int valid) {
     return valid == 1 ? Rgb{0.1f, 0.6f, 0.15f} : valid == 2 ? Rgb{0.1f, 0.2f, 0.7f} : Rgb{0.5f, 0.05f, 0.05f};
 }
 // Luxels from 1 to 128 map units: dense is bright.
+inline double texel_size(const kiln_chart& c) { // of a square one as large
+    const auto length = [](const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); };
+    return static_cast<double>(c.luxel_size) / std::sqrt(std::max(1e-30, length(c.s) * length(c.t)));
+}
 inline Rgb luxel_colour(double luxel_size) { return gradient_colour(1 - std::log2(std::max(1e-3, luxel_size)) / 7); }
 
 } // namespace kiln

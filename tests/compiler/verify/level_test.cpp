@@ -219,11 +219,13 @@ TEST(VerifyLevel, NegativeIrradianceIsSeen) { // which halfs can hold
 
 TEST(VerifyLevel, ChartsThatOverlapAreSeen) {
     const LevelContent content = room();
-    level::test::Forge forge(level::write_level(content));
+    level::test::Forge forge(level::write_level(content, {.share_texels = false}));
     const std::size_t n = content.charts.size();
     // Columns before page_x: 9 doubles, luxel size, width, height, directional, smooth, page.
     auto& bytes = forge["CHRT"].bytes;
     std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(n * (9 * 8 + 6 * 4)), n * 8, 0); // page_x and page_y
+    EXPECT_EQ(failed(verify(forge.bytes()), "level-charts-apart"), 0u); // all of one size, on one place: they share it
+    bytes[n * (9 * 8 + 6 * 4) + 1] = 1; // the second one a texel aside
     const Checker checker = verify(forge.bytes());
     EXPECT_GT(failed(checker, "level-charts-apart"), 0u) << text_of(checker);
 }

@@ -187,7 +187,7 @@ std::vector<SeamMap> seam_maps() {
     return maps;
 }
 
-SeamsFound find_seams_shown(SeamMap m, double error_percent, RnmEncoding encoding, int threads) {
+SeamsFound find_seams_shown(SeamMap m, double error_percent, RnmEncoding encoding, int threads, double luxel_error) {
     World& world = m.builder.world;
     Context context;
     context.threads = threads;
@@ -204,7 +204,10 @@ SeamsFound find_seams_shown(SeamMap m, double error_percent, RnmEncoding encodin
     Visibility visibility;
     visibility.cluster_count = bsp->cluster_count;
     visibility.rows.assign(std::size_t{bsp->cluster_count} * ((bsp->cluster_count + 63) / 64), ~std::uint64_t{0});
-    const Bytes bytes = pack({world, *csg, *bsp, visibility, s, m.lights, *baked, {}, {}, "{}", "", ""}, {.zstd_level = 1}, context);
+    auto density = coarsen(s, *baked, {.error_percent = luxel_error < 0 ? error_percent / 2 : luxel_error}, context);
+    if (!density) return out.compiled = false, out;
+    out.texels_baked = s.texel_count, out.texels = density->grids.empty() ? s.texel_count : density->flat.size();
+    const Bytes bytes = pack({world, *csg, *bsp, visibility, s, m.lights, *baked, {}, {}, "{}", "", "", &*density}, {.zstd_level = 1}, context);
     const level::Level level(bytes);
 
     double light = 0, area = 0;

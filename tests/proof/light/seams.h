@@ -27,8 +27,10 @@ struct SeamsFound {
     double flat_p99 = 0, flat_most = 0, leaning_p99 = 0, leaning_most = 0;
     double dark = 0; // shown where no light comes, over the brightest luxel
     std::string where; // of the most
+    std::size_t texels_baked = 0, texels = 0; // before and after coarser grids were chosen
 };
-// Through a level file and its loader. Points are taken from the mesh, three to a luxel, and 1/1024 unit off the edge.
-SeamsFound find_seams_shown(SeamMap map, double error_percent, RnmEncoding encoding = RnmEncoding::dot, int threads = 1);
+// Through a level file and its loader, coarser grids (compiler/density) as a build chooses them; luxel_error: percent, 0: none. Points are taken from the mesh, three to a luxel, and 1/1024 unit off the edge.
+SeamsFound find_seams_shown(SeamMap map, double error_percent, RnmEncoding encoding = RnmEncoding::dot, int threads = 1,
+                            double luxel_error = -1);
 
 } // namespace kiln::proof

@@ -13,12 +13,13 @@ struct Build {
     std::set<std::string> made; // stages that ran
     std::vector<Diagnostic> diagnostics;
 };
-Build bake(const std::string& text, const ContentStore& store, int threads = 2) {
+Build bake(const std::string& text, const ContentStore& store, int threads = 2, double luxel_error = 10) {
     CompileInput input;
     input.map = {"test.map", Bytes(text.begin(), text.end())};
     CompileOptions options;
     options.light.error_percent = 20;
     options.ambient.error_percent = 40;
+    options.density.error_percent = luxel_error;
     Context context;
     context.threads = threads;
     Compiled out;
@@ -155,6 +156,17 @@ TEST(Bake, ALightEditRedoesLightAndWhatFollows) {
     EXPECT_NE(b.level, first.level);
     EXPECT_EQ(b.level, bake(edited, ContentStore("")).level);
     EXPECT_EQ(bake(two_rooms(), store).level, first.level); // undo
+}
+
+TEST(Bake, OtherLuxelsAreChosenWithoutLightingAnew) {
+    const Workplace w;
+    const ContentStore store(w.path("cache"));
+    const Build fine = bake(two_rooms(), store, 2, 0), coarse = bake(two_rooms(), store, 2, 10);
+    std::set<std::string> redone = kNeverKept;
+    redone.insert("density");
+    EXPECT_EQ(coarse.made, redone);
+    EXPECT_LT(coarse.level.size(), fine.level.size());
+    EXPECT_EQ(coarse.level, bake(two_rooms(), ContentStore("")).level);
 }
 
 TEST(Bake, APoisonedCacheIsNoticed) {

@@ -1,0 +1,48 @@
+// Density: the light of each chart on the coarsest grid of texels that shows the same.
+//
+// The size of luxels that a map asks for is the finest there is. Where light varies less, fewer texels say the same: each
+// chart gets the grid with the fewest texels, chosen along both axes by itself, whose bilinear reconstruction differs from that of
+// all its luxels by no more than a bound, wherever a face is. A face in even light gets one texel.
+//
+// In       surfaces, lighting: at full density, which both keep
+// Out      the grids and their texels; a chart that no coarser grid fits keeps its luxels, gutter included
+// Errors   none of its own
+// Method   least squares of what is shown, checked at every place: NOTES.md
+#pragma once
+#include "compiler/light/light.h"
+
+namespace kiln {
+
+struct DensityOptions {
+    double error_percent = 2.5;  // most that what is shown may change by; 0: every chart keeps its luxels
+    double error_floor = 0.02;   // of the scene mean: what is darker may change by as much as that much light
+    template <class A> void fields(A& a) { a(error_percent, error_floor); }
+};
+
+// A grid of texels for a chart: texel coordinate = luxel coordinate * scale + shift, along each axis; texel (i,j) is centred at
+// (i + .5, j + .5). Faces lie where bilinear filtering reads no texel but the grid's. An axis of one texel has a scale that
+// brings all of the chart to the middle of it.
+struct ChartGrid {
+    static constexpr bool kRawBytes = true;
+    Vec2 scale{1, 1}, shift;
+    std::uint32_t width = 0, height = 0;
+    std::uint32_t first_texel = 0; // into the arrays below
+    std::uint32_t first_rnm = UINT32_MAX;
+    bool operator==(const ChartGrid&) const = default;
+};
+
+inline Vec2 texel_from_luxel(const ChartGrid& g, Vec2 luxel) { return {luxel.x * g.scale.x + g.shift.x, luxel.y * g.scale.y + g.shift.y}; }
+
+struct Density {
+    std::vector<ChartGrid> grids; // per chart
+    std::vector<Rgb> flat;        // per texel, as in Lighting
+    std::vector<std::uint8_t> valid;
+    std::vector<float> texel_error;
+    std::vector<std::array<Rgb, 3>> rnm;
+    double mean_change = 0; // percent: root mean square, over the area, of the change of what is shown, relative as the bound
+    template <class A> void fields(A& a) { a(grids, flat, valid, texel_error, rnm, mean_change); }
+};
+Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context);
+void validate(const Density& density, const Surfaces& surfaces, const Lighting& lighting);
+
+} // namespace kiln
