@@ -14,7 +14,7 @@ struct BakeOptions {
     std::vector<std::string> instance_paths, wads;
     CompileOptions compile;
     bool draft = false, final = false, error_given = false;
-    double ambient_error = 0;
+    double ambient_error = 0, vis_budget = 0;
     int threads = 0; // 0: all
     bool quiet = false, werror = false;
 

@@ -17,7 +17,7 @@ std::string as_text(const Json& j, const std::string& indent = "") {
     for (const auto& [key, value] : j.items()) {
         if (value.is_object()) out += fmt::format("{}{}\n{}", indent, key, as_text(value, indent + "  "));
         else if (!value.is_array() || !value.empty())
-            out += fmt::format("{}{:<16} {}\n", indent, key, value.is_string() ? value.get<std::string>() : value.is_number_float() ? fmt::format("{:.2f}", value.get<double>()) : value.is_array() ? fmt::format("{}", value.size()) : value.dump());
+            out += fmt::format("{}{:<16} {}\n", indent, key, value.is_string() ? value.get<std::string>() : value.is_number_float() ? fmt::format("{:.2f}", value.get<double>())  : value.is_array() ? fmt::format("{}", value.size()) : value.dump());
     }
     return out;
 }
@@ -66,7 +66,9 @@ Command vis_command(CLI::App& app) {
             if (given.flatness > VisibilityOptions{}.epsilon)
                 context.report(Severity::warning, "portal-file-flat", fmt::format("points lie up to {:.3g} map units from the plane of their portal, more than clips leave standing: what is seen there alone may be missed", given.flatness), here);
             wall = std::chrono::steady_clock::now(), cpu = cpu_seconds();
-            auto computed = compute_visibility(portals, cluster_count, o->bake.compile.visibility, context);
+            VisibilityOptions sight = o->bake.compile.visibility;
+            sight.radius = std::max(sight.radius, 0.0);
+            auto computed = compute_visibility(portals, cluster_count, sight, context, {.seconds = o->bake.vis_budget});
             console.print_new(context);
             if (!computed) return console.fail(computed.fault());
             visibility = *std::move(computed);
@@ -83,10 +85,12 @@ Command vis_command(CLI::App& app) {
         const double cpu_s = cpu_seconds() - cpu, wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
 
         const VisibilitySummary s = summary(visibility, leaf_cluster);
+        Json loose = Json::array();
+        for (const std::uint32_t p : visibility.loose) loose.push_back({{"portal", p}, {"front", portals[p].cluster_front}, {"back", portals[p].cluster_back}, {"at", to_json(portals[p].winding[0])}});
         const Json j = {{"input", input},
                         {"clusters", s.clusters}, {"leaves", s.leaves}, {"portals", portals.size()},
                         {"seen", {{"mean_clusters", s.mean}, {"mean_leaves", s.mean_leaves}, {"least", s.least}, {"most", s.most}, {"pairs", s.pairs}}},
-                        {"portals_over_budget", visibility.portals_over_budget},
+                        {"steps", visibility.steps}, {"loose_portals", loose},
                         {"time", {{"cpu_s", cpu_s}, {"wall_s", wall_s}, {"threads", context.threads}}}};
         if (!o->output.empty()) {
             std::string rows = "[\n";

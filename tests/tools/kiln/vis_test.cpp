@@ -102,3 +102,79 @@ TEST(Vis, SpoiledPortalFiles) {
         EXPECT_TRUE(code == 0 || code == 3) << code << "\n" << text;
     }
 }
+
+// Budgets: of steps, the same every time; of time, taken up again from the cache until it is whole; Ctrl-C leaves that too.
+TEST(Vis, BudgetsEndInValidRowsAndGoOn) {
+    const Workplace w;
+    std::mt19937 random(5);
+    const std::string prt = w.write("m.prt", write_portal_file(file_of(grid_map(rooms(random, 3, 3), false, true))));
+    const json whole = run_json(w, {prt, "-q"}), fast = run_json(w, {prt, "--fast-vis", "-q"});
+    EXPECT_EQ(whole["loose_portals"].size(), 0u);
+    const std::vector<std::string> cut = {prt, "-q", "--vis-steps", std::to_string(whole["steps"].get<int>() / 10)};
+    const json a = run_json(w, cut), b = run_json(w, cut);
+    EXPECT_GT(a["loose_portals"].size(), 0u);
+    EXPECT_TRUE(a["loose_portals"][0].contains("at"));
+    EXPECT_EQ(a["seen"], b["seen"]);
+    EXPECT_EQ(a["loose_portals"], b["loose_portals"]);
+    EXPECT_GT(a["seen"]["pairs"], whole["seen"]["pairs"]);
+    EXPECT_LE(a["seen"]["pairs"], fast["seen"]["pairs"]);
+
+    const std::string map = w.write("zigzag.map", zigzag()), cache = w.path("cache");
+    const Outcome o = w.run({"vis", map, "-q", "--vis-budget", "0.001", "--cache", cache, "--json"});
+    ASSERT_EQ(o.code, 0) << o.said;
+    const json full = run_json(w, {map, "-q", "--cache", cache}); // not what the budget left
+    EXPECT_EQ(full["loose_portals"].size(), 0u);
+    EXPECT_EQ(full["seen"], run_json(w, {map, "-q"})["seen"]);
+    EXPECT_LE(full["seen"]["pairs"], json::parse(o.out)["seen"]["pairs"]);
+    const json stepped = run_json(w, {map, "-q", "--vis-steps", "1"});
+    EXPECT_NE(w.run({"vis", map, "--vis-steps", "1"}).said.find("vis-budget"), std::string::npos) << stepped.dump();
+}
+
+TEST(Vis, TheFarzOfFogIsARadius) {
+    const Workplace w;
+    const auto with = [&](const std::string& farz) { return w.write("fog.map", zigzag() + entity("env_fog_controller", 40, 40, 24, "\"farz\" \"" + farz + "\"\n")); };
+    const auto pairs = [&](std::vector<std::string> words) { return words.emplace_back("-q"), run_json(w, words)["seen"]["pairs"].get<int>(); };
+    const int all = pairs({with("-1")});
+    EXPECT_LT(pairs({with("60")}), all);
+    EXPECT_EQ(pairs({with("100000")}), all);
+    EXPECT_EQ(pairs({with("60"), "--vis-radius", "0"}), all);
+    EXPECT_EQ(pairs({with("-1"), "--vis-radius", "60"}), pairs({with("60")}));
+    EXPECT_NE(w.run({"vis", with("60")}).said.find("vis-radius"), std::string::npos);
+}
+
+// trace: a line that is one, a chain, and the trail that editors show.
+TEST(Vis, TraceSaysWhy) {
+    const Workplace w;
+    const std::string map = w.write("zigzag.map", zigzag());
+    const auto trace = [&](const std::string& a, const std::string& b, std::vector<std::string> more = {}) {
+        std::vector<std::string> words = {"trace", a, b, map, "-q", "--json"};
+        words.insert(words.end(), more.begin(), more.end());
+        const Outcome o = w.run(words);
+        EXPECT_EQ(o.code, 0) << o.said;
+        return json::parse(o.out, nullptr, false);
+    };
+    const json near = trace("20,120,32", "145,110,32", {"-o", w.path("near.lin")});
+    EXPECT_TRUE(near["sees"]);
+    EXPECT_EQ(near["line"].size(), 2u);
+    EXPECT_GE(near["portals"].size(), 1u);
+    EXPECT_EQ(read_trail(*read_file(w.path("near.lin")), "near.lin")->size(), 2u);
+    const json far = trace("20,20,32", "390,120,32");
+    EXPECT_FALSE(far["sees"]);
+    EXPECT_TRUE(far["portals"].empty());
+    EXPECT_NE(w.run({"trace", "20,20,32", "390,120,32", map}).out.find("do not see each other"), std::string::npos);
+    EXPECT_TRUE(trace("0", "0")["sees"]);
+    EXPECT_EQ(w.run({"trace", "0", "999", map, "-q"}).code, 2);
+    EXPECT_EQ(w.run({"trace", "0", "1,2", map, "-q"}).code, 2);
+    EXPECT_EQ(w.run({"trace", "0", "125,20,32", map, "-q"}).code, 2); // in a wall
+    EXPECT_EQ(w.run({"trace", "0", "0", map, "-q", "-o", w.path("x.txt")}).code, 2);
+}
+
+TEST(Vis, APlanOfWhatIsSeen) {
+    const Workplace w;
+    const std::string map = w.write("zigzag.map", zigzag()), level = w.path("zigzag.kiln");
+    ASSERT_EQ(w.run({"build", map, "--draft", "-q", "-o", level}).code, 0);
+    EXPECT_EQ(w.run({"image", level, "--vis", "20", "20", "32", "-q", "-o", w.path("a.png")}).code, 0);
+    EXPECT_EQ(w.run({"image", level, "--vis", "390", "120", "32", "-q", "-o", w.path("b.png")}).code, 0);
+    EXPECT_NE(*read_file(w.path("a.png")), *read_file(w.path("b.png"))); // from the other end other things are seen
+    EXPECT_EQ(w.run({"image", level, "--vis", "125", "20", "32", "-q"}).code, 2); // in a wall
+}
