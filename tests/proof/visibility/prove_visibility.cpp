@@ -71,7 +71,10 @@ bool chart(const std::string& folder, std::uint64_t rays, const std::vector<std:
         const auto bytes = read_file(path);
         if (!bytes) return std::printf("%s cannot be read\n", path.c_str()), false;
         const proof::Geometry g = proof::run_text({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, path, {.csg = {}, .bsp = {}, .last = "bsp", .threads = 1});
-        if (g.stage != "bsp") return std::printf("%s has no tree\n", path.c_str()), false;
+        if (g.stage != "bsp") { // of a map that does not compile there is nothing to show
+            std::printf("%s is left out: %s\n", path.c_str(), g.fault ? g.fault->diagnostic.message.c_str() : "it has no tree");
+            continue;
+        }
         const std::vector<VisPortal> portals = vis_portals(g.bsp);
         Context context;
         const auto whole = compute_visibility(portals, g.bsp.cluster_count, {}, context);
@@ -105,6 +108,7 @@ bool chart(const std::string& folder, std::uint64_t rays, const std::vector<std:
         panels.push_back(std::move(panel));
         if (lines.missing) return std::printf("%s: %llu pairs are missing\n", name.c_str(), static_cast<unsigned long long>(lines.missing)), false;
     }
+    if (panels.empty()) return false;
     std::filesystem::create_directories(folder);
     return write_file(folder + "/visibility.csv", csv) && write_file(folder + "/visibility.svg", bench::draw_svg("Visibility: time against what is marked too much", panels));
 }
