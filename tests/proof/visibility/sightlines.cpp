@@ -57,7 +57,16 @@ public:
         length_ = open_.empty() ? 0 : kiln::length(all_.hi - all_.lo) + 1;
     }
     bool any() const { return !open_.empty(); }
-    double length() const { return length_; }
+    // How far a line goes before it leaves the box of all open leaves: outside of it, where a world leaks, the tree still names
+    // leaves, but no portal leads there.
+    double length(Vec3 from, Vec3 way) const {
+        double end = length_;
+        for (std::size_t k = 0; k < 3; ++k) {
+            if (from[k] <= all_.lo[k] || from[k] >= all_.hi[k]) return 0;
+            if (way[k] != 0) end = std::min(end, ((way[k] > 0 ? all_.hi[k] : all_.lo[k]) - from[k]) / way[k]);
+        }
+        return end;
+    }
 
     // False: this time none.
     bool draw(std::uint64_t ray, Random& random, Vec3& from, Vec3& way) const {
@@ -129,8 +138,8 @@ Sightlines find_sightlines(const Bsp& bsp, std::span<const VisPortal> portals, c
                 Vec3 from, way;
                 if (!lines.draw(i, random, from, way)) continue;
                 line.clear(), back.clear();
-                walk(bsp, from, -way, lines.length(), -1, back);
-                walk(bsp, from, way, lines.length(), 1, line);
+                walk(bsp, from, -way, lines.length(from, -way), -1, back);
+                walk(bsp, from, way, lines.length(from, way), 1, line);
                 if (line.empty() || back.empty()) continue; // begins in something solid, or at a border
                 line.insert(line.begin(), back.rbegin(), back.rend());
                 for (std::size_t a = 0; a < line.size(); ++a)

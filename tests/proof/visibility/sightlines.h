@@ -21,7 +21,7 @@ struct Sightlines {
 // The lines, by turns: through a random point of the open space in a random direction; through a random point of a random
 // portal; and from near an edge of a portal to near an edge of another whose clusters see each other, down to 1e-4 map
 // units from it, where what is seen ends. They read the tree alone, no portal decides what blocks. A line ends where it
-// would run along a plane, within 1e-7 map units of it, or pass a leaf over less than 1e-6 map units: rounding decides there which leaf it is in.
+// leaves the box of all open leaves, and where it would run along a plane, within 1e-7 map units of it, or pass a leaf over less than 1e-6 map units: rounding decides there which leaf it is in.
 Sightlines find_sightlines(const Bsp& bsp, std::span<const VisPortal> portals, const Visibility& visibility, std::uint64_t rays, std::uint64_t seed, Context& context);
 
 } // namespace kiln::proof
