@@ -1,6 +1,8 @@
 #include "compiler/compile.h"
 #include "compiler/stage.h"
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -138,6 +140,53 @@ Result<World> make_world(const Document& document, const CompileInput& input, co
         if (auto added = materials.add_json(text(f), f.name, context); !added) return added.fault();
     return build_world(document, materials, options, context);
 }
+// Beyond the farz of fog nothing is drawn; as far as the farthest of them, where each controller has one.
+double sight_radius(const World& world, Context& context) {
+    double farthest = 0;
+    EntityId found;
+    for (std::size_t i = 0; i < world.entities.size(); ++i) {
+        const WorldEntity& e = world.entities[i];
+        if (!equal_ignoring_case(e.get("classname"), "env_fog_controller")) continue;
+        const std::string_view text = e.get("farz");
+        double farz = 0;
+        if (const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), farz); error != std::errc{} || !(farz > 0) || !std::isfinite(farz)) return 0;
+        if (farz > farthest) farthest = farz, found = id<EntityId>(i);
+    }
+    if (found.valid())
+        context.report(Severity::note, "vis-radius", fmt::format("nothing is seen beyond {:g} map units, the farz of the fog (--vis-radius 0: no limit)", farthest), world.location(found));
+    return farthest;
+}
+// The visibility stage, taken up where an earlier run was stopped; what it came to is kept where it is stopped again.
+Result<Visibility> see(Hash key, const VisibilityOptions& options, const CompileRun& run, Context& context, Compiled& out) {
+    const bool keeps = run.store && run.store->enabled() && !options.fast;
+    const Hash place = all(std::string("visibility in progress, 1"), key);
+    VisibilityProgress progress;
+    if (keeps)
+        if (const auto bytes = run.store->load(place)) try {
+                progress = from_bytes<VisibilityProgress>(*bytes);
+            } catch (const ArchiveError&) {
+                progress = {};
+            }
+    const auto keep = [&] {
+        if (keeps && progress.begun) (void)run.store->save(place, to_bytes(progress)); // not kept: the next run begins anew
+    };
+    try {
+        auto v = compute_visibility(out.portals, out.bsp.cluster_count, options, context, {.seconds = run.visibility_seconds, .progress = &progress, .stopped = &out.visibility_stopped});
+        if (out.visibility_stopped) keep();
+        if (v && !v->loose.empty()) {
+            const VisPortal& p = out.portals[v->loose[0]];
+            context.report(Severity::warning, "vis-budget",
+                           fmt::format("{} of {} portals keep a loose set, the {} being used up; the first joins clusters {} and {} at {:g} {:g} {:g}; kiln vis --json lists them{}", v->loose.size(), out.portals.size(),
+                                       out.visibility_stopped ? "time" : "budget of steps", p.cluster_front, p.cluster_back, p.winding[0].x, p.winding[0].y, p.winding[0].z,
+                                       !out.visibility_stopped ? "" : keeps ? "; the same command goes on from here" : "; with --cache another run could go on from here"),
+                           {.file = out.world.file});
+        }
+        return v;
+    } catch (const Cancelled&) {
+        keep();
+        throw;
+    }
+}
 // The openings themselves were reported by the stage.
 Fault leak_fault(const World& world, const Leak& leak) {
     const auto where = leak.entity.valid() ? world.location(leak.entity) : SourceLocation{.file = world.file};
@@ -191,8 +240,10 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;
 
-    const auto visibility = stages.run(Stage::visibility, 1, all(out.portals, out.bsp.cluster_count, options.visibility), places, out.visibility,
-                                       [&] { return compute_visibility(out.portals, out.bsp.cluster_count, options.visibility, context); });
+    VisibilityOptions sight = options.visibility;
+    if (sight.radius < 0) sight.radius = sight_radius(world, context);
+    const Hash seen_from = all(out.portals, out.bsp.cluster_count, sight);
+    const auto visibility = stages.run(Stage::visibility, 2, seen_from, places, out.visibility, [&] { return see(seen_from, sight, run, context, out); }, [&] { return !out.visibility_stopped; });
     if (!visibility) return visibility.fault();
     if (done(Stage::visibility)) return true;
 
@@ -244,7 +295,7 @@ std::string options_json(const CompileOptions& o) {
         {"world", {{"lightmap_scale", o.world.lightmap_scale}}},
         {"csg", {{"plane_merge_distance", o.csg.plane_merge_distance}, {"grid_bits", o.csg.grid_bits}}},
         {"bsp", {{"allow_leaks", o.bsp.allow_leaks}, {"micro_gap", o.bsp.micro_gap}}},
-        {"visibility", {{"fast", o.visibility.fast}, {"epsilon", o.visibility.epsilon}, {"step_budget", o.visibility.step_budget}}},
+        {"visibility", {{"fast", o.visibility.fast}, {"epsilon", o.visibility.epsilon}, {"step_budget", o.visibility.step_budget}, {"total_budget", o.visibility.total_budget}, {"radius", o.visibility.radius}}},
         {"surfaces", {{"smoothing_angle_deg", o.surfaces.smoothing_angle_deg}, {"most_texels", o.surfaces.most_texels}, {"curve_flatness", o.surfaces.curve_flatness}}},
         {"light",
          {{"error_percent", o.light.error_percent}, {"encoding", kEncodings[static_cast<int>(o.light.encoding)]},

@@ -68,6 +68,7 @@ struct Compiled {
     std::vector<Leak> leaks;
     std::vector<VisPortal> portals;
     Visibility visibility;
+    bool visibility_stopped = false; // time was up: unfinished portals keep loose sets
     Surfaces surfaces;
     std::vector<Light> lights;
     Lighting lighting;
@@ -81,6 +82,9 @@ struct Compiled {
 struct CompileRun { // what cannot change the result
     const ContentStore* store = nullptr;
     Stage last = Stage::pack;
+    // 0: no limit. Where it ends the flow early the result is looser, is not kept as the stage's, and the next run goes on
+    // from there.
+    double visibility_seconds = 0;
     std::function<void(const StageReport&)> stage_done;
 };
 

@@ -15,8 +15,9 @@ public:
     // Runs `make` -> Result<T> or loads its value. `version`: raise it when the stage's result changes for equal input.
     // `places`: what only the text of diagnostics depends on (line numbers); an entry with diagnostics is used only
     // where that is equal too. Gives the hash of the value, for the keys of the stages that read it.
+    // `whole`: asked after `make`; false: another run would give more, the value is not kept.
     template <class T, class Make>
-    Result<Hash> run(Stage stage, std::uint32_t version, Hash inputs, Hash places, T& value, Make&& make) {
+    Result<Hash> run(Stage stage, std::uint32_t version, Hash inputs, Hash places, T& value, Make&& make, const std::function<bool()>& whole = {}) {
         context_.check_cancelled();
         const Clock clock;
         const char* name = kStageNames[static_cast<std::size_t>(stage)];
@@ -41,7 +42,7 @@ public:
         Entry entry{places, {}, to_bytes(value)};
         const auto& all = context_.diagnostics();
         entry.diagnostics.assign(all.begin() + static_cast<std::ptrdiff_t>(reported), all.end());
-        keep(key, entry);
+        if (!whole || whole()) keep(key, entry);
         finish(name, clock, false);
         return hash_bytes(entry.value);
     }

@@ -1,5 +1,6 @@
 #include "compiler/visibility/directed.h"
 #include "libs/parallel/parallel.h"
+#include <algorithm>
 
 namespace kiln::vis {
 
@@ -18,7 +19,7 @@ std::vector<Directed> directed_portals(std::span<const VisPortal> portals) {
         const Vec3 n = has_plane ? area / size : Vec3{};
         for (std::uint32_t back = 0; back < 2; ++back) {
             Directed& d = out[2 * i + back];
-            d.winding = &w;
+            d.winding = &w, d.points = w;
             d.plane.normal = back ? n : -n; // the winding's normal looks to the front cluster
             d.plane.distance = dot(d.plane.normal, center);
             d.has_plane = has_plane;
@@ -50,7 +51,7 @@ bool reaches_front(const Directed& of, const Directed& what) {
     const double d = of.plane.at(what.center);
     if (d > kNoise) return true;
     if (d < -what.radius) return false;
-    for (const Vec3& p : *what.winding)
+    for (const Vec3& p : what.points)
         if (of.plane.at(p) > kNoise) return true;
     return false;
 }
@@ -59,20 +60,30 @@ bool reaches_back(const Directed& of, const Directed& what) {
     const double d = of.plane.at(what.center);
     if (d < -kNoise) return true;
     if (d > what.radius) return false;
-    for (const Vec3& p : *what.winding)
+    for (const Vec3& p : what.points)
         if (of.plane.at(p) < -kNoise) return true;
     return false;
 }
 
+// Least distance of two boxes: nothing of the one is nearer to anything of the other.
+double distance(const Box3& a, const Box3& b) {
+    Vec3 gap;
+    for (std::size_t k = 0; k < 3; ++k) gap[k] = std::max({0.0, a.lo[k] - b.hi[k], b.lo[k] - a.hi[k]});
+    return length(gap);
+}
+
 } // namespace
 
-BitRows flood(std::span<const Directed> portals, const Exits& exits, Context& context) {
+BitRows flood(std::span<const Directed> portals, const Exits& exits, double radius, Context& context) {
     const std::size_t n = portals.size();
     BitRows base(n, n), reach(n, n);
+    std::vector<Box3> boxes(radius > 0 ? n : 0);
+    for (std::size_t p = 0; p < boxes.size(); ++p)
+        for (const Vec3& v : portals[p].points) boxes[p].add(v);
     parallel_for(context, n, [&](std::size_t p) {
         std::uint64_t* row = base.row(p);
         for (std::size_t q = 0; q < n; ++q)
-            if (q / 2 != p / 2 && reaches_front(portals[p], portals[q]) && reaches_back(portals[q], portals[p]))
+            if (q / 2 != p / 2 && !(radius > 0 && distance(boxes[p], boxes[q]) > radius) && reaches_front(portals[p], portals[q]) && reaches_back(portals[q], portals[p]))
                 set_bit(row, q);
     });
     parallel_for(context, n, [&](std::size_t p) {

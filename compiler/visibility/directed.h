@@ -21,12 +21,13 @@ struct Plane {
 };
 
 struct Directed {
-    const std::vector<Vec3>* winding = nullptr;
-    Plane plane;          // normal along the way of travel
-    bool has_plane = true; // false: the winding has no area; no plane test may reject it
-    std::uint32_t from = 0, to = 0;
     Vec3 center{};
     double radius = 0;
+    std::span<const Vec3> points; // *winding
+    Plane plane;           // normal along the way of travel
+    bool has_plane = true; // false: the winding has no area; no plane test may reject it
+    std::uint32_t from = 0, to = 0;
+    const std::vector<Vec3>* winding = nullptr;
 };
 
 // Portal i of the map is directed portals 2i (front to back) and 2i + 1 (back to front).
@@ -39,6 +40,7 @@ public:
     BitRows() = default;
     BitRows(std::size_t rows, std::size_t bits) : words_((bits + 63) / 64), data_(rows * words_) {}
     std::size_t words() const { return words_; }
+    std::vector<std::uint64_t>& data() { return data_; }
     std::uint64_t* row(std::size_t r) { return data_.data() + r * words_; }
     const std::uint64_t* row(std::size_t r) const { return data_.data() + r * words_; }
 
@@ -66,6 +68,11 @@ Exits exits_of(std::span<const Directed> portals, std::uint32_t cluster_count);
 
 // Row p, bit q: a line can go forward through p and later forward through q, as far as the flood can tell: q is reached
 // from p through portals each of which passes the plane tests against p and against the portal before it.
-BitRows flood(std::span<const Directed> portals, const Exits& exits, Context& context);
+// `radius`: of sight, map units, 0: no limit.
+BitRows flood(std::span<const Directed> portals, const Exits& exits, double radius, Context& context);
+
+// The same, as far as random lines prove it: from portal to portal through the clusters, `rays` a way, aimed at what
+// `reach` holds. Of what they prove the bits of `reach` are marked.
+BitRows proven(std::span<const Directed> portals, const Exits& exits, const BitRows& reach, std::uint32_t rays, Context& context);
 
 } // namespace kiln::vis

@@ -8,6 +8,7 @@
 //          Berkeley 1992; waves instead of "whatever thread is done": NOTES.md
 #pragma once
 #include "compiler/bsp/bsp.h"
+#include <optional>
 #include <span>
 
 namespace kiln {
@@ -19,25 +20,54 @@ struct VisPortal {
 };
 
 struct VisibilityOptions {
-    bool fast = false;         // flood only: valid, looser
+    bool fast = false;         // no flow: valid, looser
     double epsilon = 1e-3;     // map units; rounding may only open portals, never close them
-    std::uint64_t step_budget = 0; // flow steps per portal, 0: none; a portal over budget keeps its flood set
-    template <class A> void fields(A& a) { a(fast, epsilon, step_budget); }
+    std::uint64_t step_budget = 0;  // flow steps per way through a portal, 0: no limit; one over budget keeps its loose set
+    std::uint64_t total_budget = 0; // flow steps of all together, 0: no limit; shared out so that the same ones are left every time
+    std::uint32_t rays = 128;  // per way through a portal, that prove pairs beforehand: time, not rows, depends on it
+    double radius = -1;        // map units: nothing is seen that is farther away. 0: no limit; below: as the map says (compile)
+    template <class A> void fields(A& a) { a(fast, epsilon, step_budget, total_budget, rays, radius); }
 };
 
 struct Visibility {
     std::uint32_t cluster_count = 0;
-    std::uint32_t portals_over_budget = 0;
-    std::vector<std::uint64_t> rows; // cluster_count * words_per_row
-    template <class A> void fields(A& a) { a(cluster_count, portals_over_budget, rows); }
+    std::vector<std::uint32_t> loose; // portals that the budget left with a loose set on one way at least, ascending
+    std::uint64_t steps = 0;          // of the flow, in all
+    std::vector<std::uint64_t> rows;  // cluster_count * words_per_row
+    template <class A> void fields(A& a) { a(cluster_count, loose, steps, rows); }
     std::size_t words_per_row() const { return (cluster_count + 63) / 64; }
     bool sees(std::uint32_t from, std::uint32_t to) const {
         return rows[from * words_per_row() + to / 64] >> (to % 64) & 1;
     }
 };
+
+// How far the flow has come, for going on with it later: of the same portals and options. Whole at any time.
+struct VisibilityProgress {
+    bool begun = false;
+    std::vector<std::uint64_t> reach;          // bits of all ways
+    std::vector<std::uint32_t> open, put_off;  // ways still to do; those that had no luck with their share of the budget
+    std::vector<std::uint8_t> loose;           // ways that are given up
+    std::uint64_t steps = 0, share = 0;        // done in all; that each had the last time round
+    template <class A> void fields(A& a) { a(begun, reach, open, put_off, loose, steps, share); }
+};
+// What does not change what the end would be.
+struct VisibilityRun {
+    double seconds = 0;                     // 0: no limit. What is not done then keeps its loose set
+    VisibilityProgress* progress = nullptr; // taken up where begun; left as far as it came, also when cancelled
+    bool* stopped = nullptr;                // set to whether time was up before the end
+    std::vector<std::vector<double>>* waves = nullptr; // CPU seconds of each way, wave by wave
+};
 std::vector<VisPortal> vis_portals(const Bsp& bsp); // those between different clusters
 Result<Visibility> compute_visibility(std::span<const VisPortal> portals, std::uint32_t cluster_count,
-                                      const VisibilityOptions& options, Context& context);
+                                      const VisibilityOptions& options, Context& context, const VisibilityRun& run = {});
+// Why does one cluster see another?
+struct SightChain {
+    std::vector<std::uint32_t> portals;      // passed in this order; even: 2 * portal, front to back, else 2 * portal + 1
+    std::vector<Vec3> source, pass;          // what the planes leave of the first and of the last of them
+    std::vector<Vec3> line;                  // a line through all of them, if one was found: two points
+};
+// Nothing: it does not. A chain that the flow cannot rule out; one with a line where one was found.
+std::optional<SightChain> find_sight(std::span<const VisPortal> portals, std::uint32_t cluster_count, std::uint32_t from, std::uint32_t to, const VisibilityOptions& options, Context& context);
 void validate(const Visibility& visibility);
 void check_invariants(const Visibility& visibility, Checker& checker); // the same, for all who want to know more than the first that fails
 

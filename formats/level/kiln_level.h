@@ -243,6 +243,9 @@ uint32_t kiln_level_find_leaf(const kiln_level* level, const double point[3]);
 const uint64_t* kiln_level_pvs_row(const kiln_level* level, int32_t cluster, size_t* words);
 /* The same into the caller's memory, decompressing one block of rows only. */
 kiln_status kiln_level_read_pvs_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words);
+/* Potentially audible: what is seen by something that the cluster sees, its own PVS included. Put together from the
+ * rows of the PVS; nothing more is stored. */
+kiln_status kiln_level_read_pas_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words);
 int kiln_level_cluster_visible(const kiln_level* level, int32_t from, int32_t to); /* 1, 0; -1 as one: 0 */
 /* Texture coordinates (1 = one repetition of the image, v down). */
 kiln_status kiln_level_texture_uv(const kiln_level* level, uint32_t face, const double point[3], double uv[2]);

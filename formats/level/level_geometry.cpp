@@ -212,6 +212,21 @@ kiln_status kiln_level_read_pvs_row(const kiln_level* level, int32_t cluster, ui
     }
 }
 
+kiln_status kiln_level_read_pas_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words) {
+    std::size_t n = 0;
+    if (!level || !row || cluster < 0 || static_cast<std::uint32_t>(cluster) >= level->info.clusters) return KILN_BAD_ARGUMENT;
+    const std::uint64_t* seen = kiln_level_pvs_row(level, cluster, &n);
+    if (!seen) return level->fault_of(fourcc("VISR"));
+    if (words < n) return KILN_BAD_ARGUMENT;
+    std::fill_n(row, n, std::uint64_t{0});
+    for (std::uint32_t c = 0; c < level->info.clusters; ++c)
+        if (seen[c / 64] >> (c % 64) & 1) {
+            const std::uint64_t* other = kiln_level_pvs_row(level, static_cast<std::int32_t>(c), nullptr);
+            for (std::size_t w = 0; w < n; ++w) row[w] |= other[w];
+        }
+    return KILN_OK;
+}
+
 int kiln_level_cluster_visible(const kiln_level* level, int32_t from, int32_t to) {
     size_t words = 0;
     const std::uint64_t* row = kiln_level_pvs_row(level, from, &words);

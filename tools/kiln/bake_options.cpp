@@ -33,6 +33,12 @@ void BakeOptions::add_to(CLI::App& command) {
     quality->add_option("--cubemap-size", compile.probes.default_size, "Edge of cubemap faces without a size of their own, texels (default 64)")
         ->check(CLI::Range(4, 1024))->type_name("TEXELS");
     quality->add_flag("--fast-vis", compile.visibility.fast, "Visibility by flooding alone: valid, looser, quicker");
+    quality->add_option("--vis-budget", vis_budget, "Seconds after which visibility ends: portals not done keep a loose, valid set, and with --cache the next run goes on from there (default: none)")
+        ->check(CLI::Range(0.001, 1e9))->type_name("SECONDS");
+    quality->add_option("--vis-steps", compile.visibility.total_budget, "The same counted in steps of the portal flow: equal results every time (default: none)")
+        ->check(CLI::Range(std::uint64_t{1}, UINT64_MAX))->type_name("N");
+    quality->add_option("--vis-radius", compile.visibility.radius, "Nothing is seen farther away, map units; 0: no limit (default: the farz of env_fog_controller, where each has one)")
+        ->check(CLI::Range(0.0, 1e9))->type_name("UNITS");
     auto* geometry = command.add_option_group("Geometry");
     geometry->add_flag("--allow-leaks", compile.bsp.allow_leaks, "Go on where the world leaks (no outside is removed)");
     geometry->add_option("--micro-gap", compile.bsp.micro_gap, "Openings narrower than this do not leak, map units (default 0.2)")
@@ -149,7 +155,7 @@ int compile_map(const BakeOptions& options, Console& console, Context& context, 
     const auto input = read_input(options, context);
     if (!input) return console.fail(input.fault());
     const ContentStore store(options.cache);
-    CompileRun run{.store = &store, .last = last, .stage_done = [&](const StageReport& s) {
+    CompileRun run{.store = &store, .last = last, .visibility_seconds = options.vis_budget, .stage_done = [&](const StageReport& s) {
                        console.print_new(context);
                        console.stage(s);
                    }};

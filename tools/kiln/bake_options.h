@@ -15,6 +15,7 @@ struct BakeOptions {
     CompileOptions compile;
     bool draft = false, final = false, error_given = false;
     double ambient_error = 0, luxel_error = -1; // < 0: follows --error
+    double vis_budget = 0;
     int threads = 0; // 0: all
     bool quiet = false, werror = false;
 

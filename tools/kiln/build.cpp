@@ -49,6 +49,7 @@ std::string report_json(const Compiled& c, const Console& console) {
                   {"patch_bias", e.patch_bias}, {"iteration", e.iteration}, {"representation", e.representation},
                   {"ambient", c.ambient.error_estimate}};
     j["light"] = {{"iterations", c.lighting.iterations}, {"escaped_rays", c.lighting.escaped_rays}, {"back_face_rays", c.lighting.back_face_rays}};
+    j["visibility"] = {{"steps", c.visibility.steps}, {"loose_portals", c.visibility.loose}, {"stopped", c.visibility_stopped}};
     j["leaks"] = nlohmann::json::array();
     for (const Leak& l : c.leaks) j["leaks"].push_back(to_json(c.world, l));
     j["level_bytes"] = c.level.size();

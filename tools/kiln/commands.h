@@ -9,6 +9,8 @@ using Command = std::function<int()>;
 Command build_command(CLI::App& app);
 Command info_command(CLI::App& app);
 Command dump_command(CLI::App& app);
+Command vis_command(CLI::App& app);
+Command trace_command(CLI::App& app);
 Command image_command(CLI::App& app);
 Command verify_command(CLI::App& app);
 Command export_command(CLI::App& app);

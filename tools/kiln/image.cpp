@@ -12,7 +12,7 @@ namespace {
 
 struct Options {
     std::string level, output, view, show = "shaded", false_colour, atlas;
-    std::vector<double> eye, look, size, angles;
+    std::vector<double> eye, look, size, angles, vis;
     std::vector<std::string> materials_dirs;
     double fov = 90, plan = NAN, exposure = 0;
     int samples = 4, threads = 0;
@@ -181,11 +181,12 @@ Command image_command(CLI::App& app) {
     other->add_option("--atlas", o->atlas, "Lightmap pages of a basis direction: 0, 1, 2 or flat")->check(CLI::IsMember({"0", "1", "2", "flat"}));
     other->add_option("--false-colour,--false-color", o->false_colour, "Lightmap pages coloured by density, error or validity")->check(CLI::IsMember(names(kFalseColours)));
     other->add_option_function<double>("--plan", [o](double z) { o->plan = z, o->plan_given = true; }, "Leaves and portals cut at this height")->check(place)->type_name("Z");
+    other->add_option("--vis", o->vis, "A plan of what may be seen from this point: its cluster yellow, what that sees green, what that sees in turn blue; cut at the point's height, or at --plan")->expected(3)->check(place)->type_name("X Y Z");
     other->add_flag("--all", o->all, "A set of pictures beside the level");
     app.add_option("--threads", o->threads, "Worker threads (default: all)")->check(CLI::Range(0, 1024));
     app.add_flag("-q,--quiet", o->quiet, "Only warnings and errors");
     app.footer("examples:\n  kiln image atrium.kiln --view hall -o hall.png\n  kiln image m.kiln --eye 0 0 64 --look-at 100 0 64 --show irradiance -o light.exr\n"
-               "  kiln image m.kiln --atlas 0 -o b0.png\n  kiln image m.kiln --all");
+               "  kiln image m.kiln --vis 64 -128 24              what may be seen from there\n  kiln image m.kiln --atlas 0 -o b0.png\n  kiln image m.kiln --all");
     return [o]() -> int {
         Console console;
         console.quiet = o->quiet;
@@ -205,6 +206,16 @@ Command image_command(CLI::App& app) {
             return painter.save(render_atlas(level.get(), o->atlas == "flat" ? -1 : o->atlas[0] - '0'), true, path("atlas_" + o->atlas));
         if (!o->false_colour.empty())
             return painter.save(render_false_colour(level.get(), lookup(kFalseColours, o->false_colour)), false, path(o->false_colour));
+        if (o->vis.size() == 3) {
+            const std::uint32_t leaf = kiln_level_find_leaf(level.get(), o->vis.data());
+            std::size_t leaves = 0;
+            const kiln_leaf* table = kiln_level_leaves(level.get(), &leaves);
+            if (!table || leaf >= leaves || table[leaf].cluster < 0)
+                return console.fail(fault(Exit::usage, "usage", fmt::format("the point {:g} {:g} {:g} is in no cluster: solid, or outside", o->vis[0], o->vis[1], o->vis[2]), {.file = o->level}));
+            PlanOptions plan;
+            plan.vis_from = table[leaf].cluster;
+            return painter.save(render_plan(level.get(), o->plan_given ? o->plan : o->vis[2], plan), false, path("vis"));
+        }
         if (o->plan_given) return painter.save(render_plan(level.get(), o->plan), false, path("plan"));
         int code = 0;
         const Camera camera_used = painter.chosen_camera(code);

@@ -128,9 +128,9 @@ constexpr Known kKnown[] = {
     {"-nostate", ignored, ""},
     {"-noautoupdate", ignored, ""},
     {"-level", ignored, "there is one way, and --fast-vis", 1},
-    {"-radius_override", ignored, "nothing is cut by distance", 1},
-    {"-visdist", ignored, "nothing is cut by distance", 1},
-    {"-trace", refused, "`kiln dump vis MAP` tells which clusters see which", 2},
+    {"-radius_override", becomes, "--vis-radius", 1},
+    {"-visdist", becomes, "--vis-radius", 1},
+    {"-trace", refused, "use `kiln trace A B MAP`", 2},
     // vrad, light
     {"-final", becomes, "--final"},
     {"-smooth", becomes, "--smooth", 1},

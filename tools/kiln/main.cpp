@@ -84,6 +84,8 @@ int main(int argc, char** argv) {
         {"build", {"Bake a map into a level file", build_command}},
         {"info", {"Say what a level file or a map holds", info_command}},
         {"dump", {"Write any artefact on the way from a map as stable text or JSON", dump_command}},
+        {"vis", {"Visibility alone, of a map or of another compiler's portal file", vis_command}},
+        {"trace", {"Say why two places see each other: a line, or the chain of portals", trace_command}},
         {"verify", {"Check every invariant of a map on its way, or of a level file", verify_command}},
         {"export", {"Write OBJ of any stage, or glTF of the render mesh", export_command}},
         {"image", {"Render pictures of a level file", image_command}},

@@ -127,7 +127,15 @@ Result<Image> render_plan(const kiln_level* level, double z, const PlanOptions& 
         todo.push_back({n.child[1], clip(v.polygon, planes[n.plane], z, -1)});
         todo.push_back({n.child[0], clip(v.polygon, planes[n.plane], z, 1)});
     }
+    std::vector<std::uint64_t> seen((info.clusters + std::size_t{63}) / 64), heard(seen.size());
+    if (options.vis_from >= 0 && (kiln_level_read_pvs_row(level, options.vis_from, seen.data(), seen.size()) != KILN_OK || kiln_level_read_pas_row(level, options.vis_from, heard.data(), heard.size()) != KILN_OK))
+        return damaged("visibility");
+    const auto has = [](const std::vector<std::uint64_t>& row, std::int32_t c) { return static_cast<std::size_t>(c) / 64 < row.size() && (row[static_cast<std::size_t>(c) / 64] >> (c % 64) & 1); };
     for (const auto& [leaf, polygon] : cut) {
+        if (const std::int32_t cluster = leaves[leaf].cluster; options.vis_from >= 0) {
+            plan.fill(polygon, cluster == options.vis_from ? Rgb{0.9f, 0.75f, 0.1f} : has(seen, cluster) ? Rgb{0.1f, 0.5f, 0.15f} : has(heard, cluster) ? Rgb{0.06f, 0.12f, 0.3f} : Rgb{0.1f, 0.1f, 0.1f});
+            continue;
+        }
         const Rgb c = name_colour(static_cast<std::uint64_t>(leaves[leaf].cluster)) * 0.55f;
         const bool liquid = leaves[leaf].contents >= 4 && leaves[leaf].contents <= 6;
         plan.fill(polygon, liquid ? c * Rgb{0.4f, 0.6f, 1.6f} : c);

@@ -71,8 +71,10 @@ Result<Image> render_false_colour(const kiln_level* level, FalseColour kind); //
 struct PlanOptions {
     int width = 1024; // pixels; the height follows the level
     bool portals = true, entities = true;
+    std::int32_t vis_from = -1; // a cluster: shows what it sees and hears instead of which cluster is which
 };
-// The leaves cut at a height: solid dark, clusters coloured, portals as lines, lights and probes as dots.
+// The leaves cut at a height: solid dark, clusters coloured, portals as lines, lights and probes as dots. With vis_from: that
+// cluster yellow, what it may see green, what is seen from there (potentially audible) blue, the rest grey.
 Result<Image> render_plan(const kiln_level* level, double z, const PlanOptions& options = {});
 double default_plan_height(const kiln_level* level); // that of the default camera
 

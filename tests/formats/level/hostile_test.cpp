@@ -67,6 +67,7 @@ int use_everything(const Bytes& bytes) {
         kiln_level_cluster_visible(level, c, 1);
         std::vector<std::uint64_t> row(std::min<std::size_t>(1000, (info.clusters + std::size_t{63}) / 64));
         kiln_level_read_pvs_row(level, c, row.data(), row.size());
+        kiln_level_read_pas_row(level, c, row.data(), row.size());
     }
     std::size_t displacements = 0, patches = 0;
     float last = 0;

@@ -112,6 +112,18 @@ TEST_P(RoundTrip, VisibilityRows) {
         for (std::int32_t to = 0; to < static_cast<std::int32_t>(content.cluster_count); ++to)
             EXPECT_EQ(kiln_level_cluster_visible(level.get(), c, to), static_cast<int>(row[to / 64] >> (to % 64) & 1));
     }
+    std::vector<std::uint64_t> heard(words);
+    for (std::uint32_t a = 0; a < content.cluster_count; ++a) {
+        std::vector<std::uint64_t> wanted(words, 0); // the rows of all that a sees
+        for (std::uint32_t b = 0; b < content.cluster_count; ++b)
+            for (std::size_t w = 0; w < words; ++w)
+                if (content.vis_rows[a * words + b / 64] >> (b % 64) & 1) wanted[w] |= content.vis_rows[b * words + w];
+        ASSERT_EQ(kiln_level_read_pas_row(level.get(), static_cast<std::int32_t>(a), heard.data(), words), KILN_OK);
+        EXPECT_EQ(heard, wanted) << a;
+    }
+    EXPECT_EQ(kiln_level_read_pas_row(level.get(), -1, heard.data(), words), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_pas_row(level.get(), 0, heard.data(), words - 1), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_pas_row(level.get(), 0, nullptr, words), KILN_BAD_ARGUMENT);
     EXPECT_EQ(kiln_level_pvs_row(level.get(), -1, nullptr), nullptr);
     EXPECT_EQ(kiln_level_pvs_row(level.get(), static_cast<std::int32_t>(content.cluster_count), nullptr), nullptr);
 }

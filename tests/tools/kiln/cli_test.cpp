@@ -333,7 +333,7 @@ TEST(Cli, UsageErrorsNameTheNearestWord) {
     EXPECT_TRUE(says(o, "build"));
     EXPECT_EQ(w.run({}).code, 2);
     EXPECT_EQ(w.run({"--help"}).code, 0);
-    for (const char* command : {"build", "info", "dump", "verify", "export", "image", "sample", "gather", "reference", "explain"}) {
+    for (const char* command : {"build", "info", "dump", "vis", "trace", "verify", "export", "image", "sample", "gather", "reference", "explain"}) {
         const std::string help = w.run({command, "--help"}).out;
         const std::size_t examples = help.find("example");
         ASSERT_NE(examples, std::string::npos) << command;

@@ -1,0 +1,105 @@
+// Lines of sight found by trying: what they prove, the flow need not search for.
+#include "compiler/visibility/proven.h"
+#include "libs/parallel/parallel.h"
+#include "libs/sampling/maps.h"
+#include "libs/sampling/sobol.h"
+#include <atomic>
+#include <cmath>
+
+namespace kiln::vis {
+namespace {
+
+constexpr double kInside = 1e-6; // map units: so far within a portal a line has to pass to prove anything
+
+} // namespace
+
+Windows::Windows(std::span<const Directed> portals) {
+    first_.push_back(0);
+    for (const Directed& p : portals) {
+        const std::size_t n = p.has_plane ? p.winding->size() : 0;
+        for (std::size_t i = 0; i < n; ++i) {
+            const Vec3 a = (*p.winding)[i], b = (*p.winding)[(i + 1) % n];
+            Vec3 in = cross(p.plane.normal, b - a);
+            if (dot(in, p.center - a) < 0) in = -in;
+            if (const double size = length(in); size > 0) in = in / size;
+            edges_.push_back({in, dot(in, a) + kInside});
+        }
+        first_.push_back(static_cast<std::uint32_t>(edges_.size()));
+    }
+}
+bool Windows::hold(std::uint32_t p, Vec3 x) const {
+    if (first_[p] == first_[p + 1]) return false;
+    for (std::uint32_t i = first_[p]; i < first_[p + 1]; ++i)
+        if (dot(edges_[i].normal, x) < edges_[i].distance) return false;
+    return true;
+}
+
+Vec3 point_in(const std::vector<Vec3>& w, Random& random) {
+    double whole = 0;
+    for (std::size_t i = 1; i + 1 < w.size(); ++i) whole += length(cross(w[i] - w[0], w[i + 1] - w[0]));
+    double at = random() * whole;
+    std::size_t k = 1;
+    for (; k + 2 < w.size(); ++k) {
+        const double size = length(cross(w[k] - w[0], w[k + 1] - w[0]));
+        if (at < size) break;
+        at -= size;
+    }
+    const double u = random(), v = random();
+    if (w.size() < 3) return w[0];
+    const Vec2 t = uniform_triangle({u, v});
+    return w[0] * (1 - t.x - t.y) + w[k] * t.x + w[k + 1] * t.y;
+}
+
+BitRows proven(std::span<const Directed> portals, const Exits& exits, const BitRows& reach, std::uint32_t rays, Context& context) {
+    const std::size_t n = portals.size(), words = reach.words();
+    BitRows known(n, n);
+    const Windows windows(portals);
+    const auto mark = [&](std::uint32_t a, std::uint32_t b) {
+        const std::uint64_t bit = std::uint64_t{1} << (b % 64);
+        if (!(reach.row(a)[b / 64] & bit)) return;
+        const std::atomic_ref word(known.row(a)[b / 64]);
+        if (!(word.load(std::memory_order_relaxed) & bit)) word.fetch_or(bit, std::memory_order_relaxed);
+    };
+    parallel_for(context, n, [&](std::size_t i) {
+        const auto p = static_cast<std::uint32_t>(i);
+        std::vector<std::uint32_t> open; // what may be seen from here, and no line of this portal has reached yet
+        for (std::size_t w = 0; w < words; ++w)
+            for (std::uint64_t bits = reach.row(p)[w]; bits; bits &= bits - 1) open.push_back(static_cast<std::uint32_t>(w * 64 + static_cast<std::size_t>(std::countr_zero(bits))));
+        std::vector<std::uint64_t> mine(words, 0);
+        Random random(p);
+        std::vector<std::uint32_t> chain;
+        for (std::uint32_t ray = 0; ray < rays && !open.empty(); ++ray) {
+            const auto k = static_cast<std::size_t>(random() * static_cast<double>(open.size()));
+            const std::uint32_t target = open[k];
+            if (get_bit(mine.data(), target)) {
+                open[k] = open.back(), open.pop_back();
+                continue;
+            }
+            const Vec3 from = point_in(*portals[p].winding, random), way = point_in(*portals[target].winding, random) - from;
+            if (!windows.hold(p, from) || !(dot(portals[p].plane.normal, way) > 0)) continue;
+            chain.assign(1, p);
+            double at = 0; // of `way`
+            for (std::uint32_t last = p; chain.size() <= n;) {
+                double nearest = HUGE_VAL;
+                auto next = static_cast<std::uint32_t>(n);
+                for (const std::uint32_t q : exits.of(portals[last].to)) {
+                    if (q == reversed(last)) continue;
+                    const double speed = dot(portals[q].plane.normal, way);
+                    if (!(speed > 0)) continue;
+                    const double t = -portals[q].plane.at(from) / speed;
+                    if (t <= at || t >= nearest || !windows.hold(q, from + way * t)) continue;
+                    nearest = t, next = q;
+                }
+                if (next == n) break;
+                chain.push_back(next), set_bit(mine.data(), next);
+                last = next, at = nearest;
+            }
+            // Along a line each portal sees all later ones, and backwards.
+            for (std::size_t a = 0; a < chain.size(); ++a)
+                for (std::size_t b = a + 1; b < chain.size(); ++b) mark(chain[a], chain[b]), mark(reversed(chain[b]), reversed(chain[a]));
+        }
+    });
+    return known;
+}
+
+} // namespace kiln::vis
