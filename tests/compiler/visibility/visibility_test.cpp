@@ -32,7 +32,7 @@ void expect_subset(const Visibility& small, const Visibility& large) {
     for (std::size_t w = 0; w < small.rows.size(); ++w) EXPECT_EQ(small.rows[w] & ~large.rows[w], 0u);
 }
 
-TEST(visibility, without_portals_a_cluster_sees_itself_alone) {
+TEST(Visibility, without_portals_a_cluster_sees_itself_alone) {
     GridMap map;
     map.cluster_count = 70;
     EXPECT_EQ(pairs(compute(map)), 70u);
@@ -41,7 +41,7 @@ TEST(visibility, without_portals_a_cluster_sees_itself_alone) {
 }
 
 // Two rooms joined through a door in a thick wall: everything in a row sees everything.
-TEST(visibility, rooms_in_a_row_all_see_each_other) {
+TEST(Visibility, rooms_in_a_row_all_see_each_other) {
     const GridMap map = grid_map({"##.##", ".....", "##.##"}, true);
     // top, row, bottom: one straight line through the row
     const Visibility v = compute(map);
@@ -50,7 +50,7 @@ TEST(visibility, rooms_in_a_row_all_see_each_other) {
 
 // A corridor of unit cells that bends at right angles. From (0,0) a line must stay below y = 1 up to x = 2, so its slope is
 // below 1, and then cannot climb past y = 2 before x = 3; from (1,0) it can. The blocked line only touches the corners.
-TEST(visibility, bent_corridor_matches_the_closed_form) {
+TEST(Visibility, bent_corridor_matches_the_closed_form) {
     for (const bool turn : {false, true}) {
         const GridMap map = grid_map({"...", "##.", "##.", "##.", "##."}, false, turn);
         const Visibility v = compute(map); // clusters 0 1 2 along x; 3 4 5 6 downwards
@@ -62,7 +62,7 @@ TEST(visibility, bent_corridor_matches_the_closed_form) {
 }
 
 // Doors in the same wall of a corridor: the rooms behind them cannot see each other.
-TEST(visibility, doors_in_one_wall_do_not_see_each_other) {
+TEST(Visibility, doors_in_one_wall_do_not_see_each_other) {
     for (const bool turn : {false, true}) {
         const GridMap map = grid_map({"###########", "#.#.#.#.#.#", "..........."}, true, turn);
         const Visibility v = compute(map);
@@ -73,7 +73,7 @@ TEST(visibility, doors_in_one_wall_do_not_see_each_other) {
 }
 
 // A slit of a hundredth of a unit is still a slit: nothing may close because it is thin.
-TEST(visibility, thin_portals_stay_open) {
+TEST(Visibility, thin_portals_stay_open) {
     for (const double slit : {1e-2, 1e-4, 1e-5}) {
         std::vector<VisPortal> portals;
         for (std::uint32_t i = 0; i < 4; ++i) { // walls at x = 0, 64, 128, 192, each with the same slit
@@ -89,7 +89,7 @@ TEST(visibility, thin_portals_stay_open) {
 }
 
 // The falsification test: whatever a ray proves visible is in the rows, on maps that are axial and on maps that are not.
-TEST(visibility, no_ray_finds_a_pair_outside_the_rows) {
+TEST(Visibility, no_ray_finds_a_pair_outside_the_rows) {
     std::size_t proven = 0, marked = 0, tight = 0, flooded = 0;
     for (unsigned seed = 0; seed < 24; ++seed) {
         std::mt19937 random(seed);
@@ -114,7 +114,7 @@ TEST(visibility, no_ray_finds_a_pair_outside_the_rows) {
     EXPECT_GT(flooded, marked);
 }
 
-TEST(visibility, threads_do_not_change_a_bit) {
+TEST(Visibility, threads_do_not_change_a_bit) {
     std::mt19937 random(5);
     const GridMap map = grid_map(test::rooms(random, 3, 3), false, true);
     const Visibility one = compute(map);
@@ -124,7 +124,7 @@ TEST(visibility, threads_do_not_change_a_bit) {
 // Solid where there was air: of what is loose no pair may appear that was not there before. What the flow rules out besides
 // depends in a few pairs in a thousand, which all graze corners, on the order of the waves, and so on the other portals:
 // there, no pair that is seen for sure may be missing before, and next to none appears.
-TEST(visibility, a_new_wall_never_adds_visibility) {
+TEST(Visibility, a_new_wall_never_adds_visibility) {
     std::size_t all = 0, added = 0;
     for (unsigned seed = 0; seed < 12; ++seed) {
         std::mt19937 random(seed);
@@ -150,7 +150,7 @@ TEST(visibility, a_new_wall_never_adds_visibility) {
 }
 
 // Out of steps a portal keeps its loose set: still conservative, and counted.
-TEST(visibility, an_exhausted_budget_is_loose_and_counted) {
+TEST(Visibility, an_exhausted_budget_is_loose_and_counted) {
     std::mt19937 random(9);
     const GridMap map = grid_map(test::rooms(random, 2, 2));
     const Visibility full = compute(map), fast = compute(map, {.fast = true});
@@ -161,7 +161,7 @@ TEST(visibility, an_exhausted_budget_is_loose_and_counted) {
     expect_subset(cut, fast);
 }
 
-TEST(visibility, unusable_portals_are_faults) {
+TEST(Visibility, unusable_portals_are_faults) {
     Context context;
     const std::vector<Vec3> square = {{0, 0, 0}, {0, 64, 0}, {0, 64, 64}, {0, 0, 64}};
     const std::vector<VisPortal> missing = {{0, 2, square}};
@@ -181,7 +181,7 @@ TEST(visibility, unusable_portals_are_faults) {
 }
 
 // Pairs that lines prove beforehand spare the flow work and change no bit of what it finds.
-TEST(visibility, proven_pairs_save_steps_and_change_nothing) {
+TEST(Visibility, proven_pairs_save_steps_and_change_nothing) {
     std::uint64_t without = 0, with = 0;
     for (unsigned seed = 0; seed < 16; ++seed) {
         std::mt19937 random(seed);
@@ -200,7 +200,7 @@ TEST(visibility, proven_pairs_save_steps_and_change_nothing) {
 
 // A budget for all together: the same rows every time and for any number of threads, between those of the flow and of the
 // flood; large enough, it changes nothing.
-TEST(visibility, a_total_budget_is_reproducible) {
+TEST(Visibility, a_total_budget_is_reproducible) {
     std::mt19937 random(11);
     const GridMap map = grid_map(test::rooms(random, 3, 3), false, true);
     const Visibility full = compute(map), fast = compute(map, {.fast = true});
@@ -226,7 +226,7 @@ TEST(visibility, a_total_budget_is_reproducible) {
 }
 
 // Cancelled and taken up again, as often as it takes: what comes out in the end is what one run gives.
-TEST(visibility, goes_on_where_it_was_cancelled) {
+TEST(Visibility, goes_on_where_it_was_cancelled) {
     std::mt19937 random(12);
     const GridMap map = grid_map(test::rooms(random, 3, 2), false, true);
     const Visibility whole = compute(map);
@@ -258,7 +258,7 @@ TEST(visibility, goes_on_where_it_was_cancelled) {
 }
 
 // Out of time at once: the flood's rows, every portal loose, and said so.
-TEST(visibility, out_of_time_is_loose_and_valid) {
+TEST(Visibility, out_of_time_is_loose_and_valid) {
     std::mt19937 random(9);
     const GridMap map = grid_map(test::rooms(random, 2, 2));
     Context context;
@@ -274,7 +274,7 @@ TEST(visibility, out_of_time_is_loose_and_valid) {
 }
 
 // Cells of 64 in a row: from the far side of one to the near side of the n-th after it are 64 (n - 1).
-TEST(visibility, nothing_is_seen_beyond_the_radius) {
+TEST(Visibility, nothing_is_seen_beyond_the_radius) {
     for (const bool turn : {false, true}) {
         const GridMap map = grid_map({"............"}, false, turn);
         for (const double radius : {1.0, 100.0, 300.0, 1e6}) {
@@ -291,7 +291,7 @@ TEST(visibility, nothing_is_seen_beyond_the_radius) {
 
 // Chains and lines: there is one exactly where the rows say so, a chain leads from cluster to cluster, and a line goes
 // forward through the middle of every portal of its chain.
-TEST(visibility, why_clusters_see_each_other) {
+TEST(Visibility, why_clusters_see_each_other) {
     std::size_t lines = 0, chains = 0;
     for (unsigned seed = 0; seed < 4; ++seed) {
         std::mt19937 random(seed);
@@ -330,7 +330,7 @@ TEST(visibility, why_clusters_see_each_other) {
 }
 
 // An open grid: everything sees everything along very many chains. What is known prunes them.
-TEST(visibility, an_open_grid_ends) {
+TEST(Visibility, an_open_grid_ends) {
     const GridMap map = grid_map(std::vector<std::string>(24, std::string(24, '.')));
     const Visibility v = compute(map, {}, 2);
     EXPECT_EQ(pairs(v), 576u * 576u);
