@@ -197,8 +197,8 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         if (!listed[i]) continue;
         d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, [&](Vec3 y, Vec3 flux) {
             if (d.scene.occluded(x, y + off)) return;
-            const double solid = length(flux);
-            arrival(flux / solid, emitter_i.radiance * solid);
+            const double share = length(flux);
+            arrival(flux / share, emitter_i.radiance * share);
         });
     }
     for (std::uint32_t i = 0; i < rays; ++i) {

@@ -376,10 +376,10 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             if (!kernel.cone || chart.smooth || i % 4 != 0) continue;
             // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
             const auto light = [&](const LuxelKernel& k) {
-                KernelSum sum = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr).sum;
+                KernelSum arriving = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr).sum;
                 std::uint64_t shadow = 0;
-                direct_at(footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &sum, &shadow, nullptr, nullptr);
-                return sum;
+                direct_at(footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &arriving, &shadow, nullptr, nullptr);
+                return arriving;
             };
             const KernelSum base = light(kernel);
             const std::array<Rgb, 3> stored = kernel.finish(base);
