@@ -154,6 +154,7 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest, const std::v
         out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * total[p] * inv_pi);
     out.texel.resize(surfaces_.texel_count);
     out.direct.resize(surfaces_.texel_count);
+    std::vector<std::uint8_t> lit(surfaces_.texel_count);
     for (std::size_t l = 0; l < surfaces_.luxels.size(); ++l) {
         const Luxel& luxel = surfaces_.luxels[l];
         const Chart& c = surfaces_.charts[luxel.chart.at()];
@@ -163,16 +164,11 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest, const std::v
         const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
         out.direct[texel] = static_cast<Rgb>(rho * direct_[l].flat);
         out.texel[texel] = static_cast<Rgb>(rho * (direct_[l].flat + rest[p]));
+        lit[texel] = 1;
     }
     // In a corner a luxel gets up to half of its light from the next one on the other wall, most of it from that one's rim.
     const double steep = kSteep * options_.error_percent / 100;
     out.steep.resize(surfaces_.texel_count);
-    std::vector<std::uint8_t> lit(surfaces_.texel_count);
-    for (std::size_t l = 0; l < surfaces_.luxels.size(); ++l) {
-        const Luxel& luxel = surfaces_.luxels[l];
-        const Chart& c = surfaces_.charts[luxel.chart.at()];
-        if (luxel_patch_[l] != kNoPatch) lit[c.first_texel + luxel.y * c.width + luxel.x] = 1;
-    }
     for (const Chart& c : surfaces_.charts)
         for (std::uint32_t y = 0; y < c.height; ++y)
             for (std::uint32_t x = 0; x < c.width; ++x) {

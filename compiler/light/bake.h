@@ -140,6 +140,8 @@ private:
     PilotResult pilot(std::uint32_t one_in);
     std::vector<std::vector<std::uint32_t>> gather_patches(std::span<const std::uint32_t> patches, Pass pass);
     void find_neighbours();
+    double luxel_area_of(std::uint32_t patch) const; // map units squared
+    std::vector<double> least_cost(const std::vector<double>& variance, double wanted) const;
     void share_rays(double wanted);
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
     Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, int depth) const;
@@ -191,8 +193,6 @@ private:
     std::atomic<std::uint64_t> shadow_rays_{0};
     Lighting out_;
 };
-
-constexpr double kNoiseRate = 0.65; // noise of these bundles falls as N to the minus this
 
 // What leaves a hit by reflection.
 Rgbd reflected_radiance(const Surfaces& surfaces, const LuxelIndex& index, const PatchTable& patches,

@@ -419,41 +419,31 @@ void Bake::luxel_direct_all() {
     if (!patches.empty()) luxel_direct(patches);
 }
 
-// Samples of direct light where they are worth it, as share_rays: such that its noise, `measured` as things are, becomes `wanted` at the
+// Samples of direct light where they are worth it: such that its noise, `measured` as things are, becomes `wanted` at the
 // least cost. The spread between the places of a luxel says where it is, not how large: places are spread evenly. Which patches changed.
 std::vector<std::uint32_t> Bake::share_direct(double measured, double wanted) {
     constexpr std::uint16_t kMostEffort = 64;
     const std::size_t n = patches_.patches.size();
-    std::vector<double> area(n), variance(n);
-    for (std::size_t p = 0; p < n; ++p) {
+    std::vector<double> variance(n);
+    double all = 0, seen = 0;
+    for (std::uint32_t p = 0; p < n; ++p) {
+        const double area = luxel_area_of(p);
         for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
             const std::uint32_t l = patch_luxels_[k];
             const Luxel& luxel = surfaces_.luxels[l];
-            const double a = luxel.area * luxel_area(surfaces_, luxel.face), scale = std::max(mean(direct_[l].flat) + mean(rest_[p]), floor_);
-            area[p] += a;
-            if (scale > 0) variance[p] += a * direct_variance_[l] / (scale * scale);
+            const double scale = std::max(mean(direct_[l].flat) + mean(rest_[p]), floor_);
+            if (scale > 0) variance[p] += luxel.area * luxel_area(surfaces_, luxel.face) * direct_variance_[l] / (scale * scale);
         }
-        if (area[p] > 0) variance[p] /= area[p];
+        all += area, seen += variance[p];
+        if (area > 0) variance[p] /= area;
     }
-    double all = 0, seen = 0;
-    for (std::size_t p = 0; p < n; ++p) all += area[p], seen += area[p] * variance[p];
     if (!(seen > 0)) return {};
-    const double size = measured * measured * all / seen;
-    const double power = 2 / (1 + 2 * kNoiseRate);
-    double sum = 0;
-    std::vector<double> noise(n);
-    for (std::size_t p = 0; p < n; ++p) {
-        double around = variance[p];
-        for (const std::uint32_t q : neighbours_[p]) around += variance[q];
-        noise[p] = std::sqrt(size * std::max(variance[p], around / static_cast<double>(1 + neighbours_[p].size())));
-        sum += area[p] * std::pow(noise[p], 2 - 2 * kNoiseRate * power);
-    }
-    const double c = std::pow(sum / (all * wanted * wanted), 1 / (2 * kNoiseRate));
+    for (double& v : variance) v *= measured * measured * all / seen;
+    const std::vector<double> more = least_cost(variance, wanted);
     std::vector<std::uint32_t> changed;
-    for (std::uint32_t p = 0; p < n; ++p) {
-        const double more = c * std::pow(noise[p], power);
+    for (std::uint32_t p = 0; p < more.size(); ++p) {
         std::uint32_t by = 1;
-        while (effort_[p] * by < kMostEffort && by * 1.41 < more) by *= 2;
+        while (effort_[p] * by < kMostEffort && by * 1.41 < more[p]) by *= 2;
         if (by > 1) effort_[p] = static_cast<std::uint16_t>(effort_[p] * by), changed.push_back(p);
     }
     return changed;

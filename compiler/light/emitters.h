@@ -72,6 +72,30 @@ private:
                              const Doubled& doubled_flux, const Visit& visit);
 };
 
+// A choice by weight: of an emitter at one point, of a light.
+struct Choice {
+    std::vector<double> cumulative;
+    void clear() { cumulative.clear(); }
+    void add(double weight) { cumulative.push_back(total() + weight); }
+    double total() const { return cumulative.empty() ? 0 : cumulative.back(); }
+    double weight(std::uint32_t i) const { return cumulative[i] - (i ? cumulative[i - 1] : 0); }
+    // Emitters no brighter than `least` are left to the rays that go on: what does not stand out makes no noise
+    // there.
+    void build(const EmitterSet& set, Vec3 x, Vec3 n, double least = 0) {
+        clear();
+        for (std::uint32_t i = 0; i < set.emitters.size(); ++i) {
+            const double radiance = mean(set.emitters[i].radiance);
+            add(radiance > least ? radiance * set.bound(i, x, n) : 0);
+        }
+    }
+    double probability(std::uint32_t i) const { return weight(i) / total(); }
+    std::uint32_t pick(double u) const {
+        const auto at = std::upper_bound(cumulative.begin(), cumulative.end(), u * total());
+        return static_cast<std::uint32_t>(
+            std::min<std::ptrdiff_t>(at - cumulative.begin(), static_cast<std::ptrdiff_t>(cumulative.size()) - 1));
+    }
+};
+
 double triangle_form_factor(Vec3 x, Vec3 n, const std::array<Vec3, 3>& triangle);
 
 template <class Visit>

@@ -10,6 +10,7 @@ constexpr double kPi = std::numbers::pi;
 double luminance(Rgbd c) {
     return mean(c);
 }
+constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to the minus this
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 } // namespace
 
@@ -122,16 +123,15 @@ void Bake::patch_guide(std::uint32_t p, const HemisphereMap& map, Guide* guide) 
 Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const {
     constexpr double kHiddenShare = 1.0 / 16; // no test ray of the patch saw it
     const std::vector<LightRef>& list = lists_[patch];
-    thread_local std::vector<double> cumulative;
-    cumulative.clear();
-    double sum = 0;
+    thread_local Choice choice;
+    choice.clear();
     for (const LightRef& r : list) {
         const double most = r.is_emitter ? kPi * mean(emitters_.emitters[r.light].radiance) * emitters_.bound(r.light, x, normal) : light_bound(lights_[r.light], x, 0);
-        cumulative.push_back(sum += most * (r.hidden ? kHiddenShare : 1));
+        choice.add(most * (r.hidden ? kHiddenShare : 1));
     }
-    if (!(sum > 0)) return {};
-    const auto at = static_cast<std::size_t>(std::upper_bound(cumulative.begin(), cumulative.end() - 1, random() * sum) - cumulative.begin());
-    const double scale = sum / (cumulative[at] - (at ? cumulative[at - 1] : 0));
+    if (!(choice.total() > 0)) return {};
+    const std::uint32_t at = choice.pick(random());
+    const double scale = choice.total() / choice.weight(at);
     Rgbd light;
     if (list[at].is_emitter) {
         const Emitter& e = emitters_.emitters[list[at].light];
@@ -154,8 +154,8 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
 }
 
 // Radiance reflected at a hit. One close by lies where light may vary within a luxel and much within a patch (the
-// other wall of a corner, a crevice): there the direct light of the luxel is kept, if it is much the same around it and else asked for at the very place, and the
-// rest taken one bounce further on.
+// other wall of a corner, a crevice): there the direct light of the luxel is kept, if it is much the same around it and
+// else asked for at the very place, and the rest taken one bounce further on.
 Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light,
                         int depth) const {
     constexpr double kNearLuxels = 1.5;
@@ -299,31 +299,41 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     return out;
 }
 
-// Rays per patch such that the rRMSE of noise is `wanted` at the least cost. With noise falling as N^-0.65, N goes
-// with the 0.87th power of the noise of a single ray (Lagrange). Never fewer than before.
-void Bake::share_rays(double wanted) {
+// Samples per patch such that the rRMSE of noise is `wanted` at the least cost, given the variance of a single one. With noise falling as N^-0.65, N goes
+// with the 0.87th power of the noise of a single one (Lagrange). Empty: there is no noise.
+std::vector<double> Bake::least_cost(const std::vector<double>& variance, double wanted) const {
     const double power = 2 / (1 + 2 * kNoiseRate);
     double area = 0, sum = 0;
-    std::vector<double> single(rays_.size());
-    for (std::size_t p = 0; p < rays_.size(); ++p) {
-        double a = 0;
-        for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-            const Luxel& l = surfaces_.luxels[patch_luxels_[k]];
-            a += l.area * luxel_area(surfaces_, l.face);
-        }
+    std::vector<double> out(variance.size());
+    for (std::uint32_t p = 0; p < variance.size(); ++p) {
         // Noise comes in rare large strokes, so a patch is no quieter than its neighbours on the average.
-        double variance = noise_[p];
-        for (const std::uint32_t q : neighbours_[p]) variance += noise_[q];
-        single[p] = std::sqrt(std::max(noise_[p], variance / static_cast<double>(1 + neighbours_[p].size())));
-        area += a, sum += a * std::pow(single[p], 2 - 2 * kNoiseRate * power);
+        double around = variance[p];
+        for (const std::uint32_t q : neighbours_[p]) around += variance[q];
+        out[p] = std::sqrt(std::max(variance[p], around / static_cast<double>(1 + neighbours_[p].size())));
+        const double a = luxel_area_of(p);
+        area += a, sum += a * std::pow(out[p], 2 - 2 * kNoiseRate * power);
     }
-    if (!(area > 0) || !(sum > 0)) return;
+    if (!(area > 0) || !(sum > 0)) return {};
     // sum a s^2 (c s^power)^(-2 rate) = area wanted^2
     const double c = std::pow(sum / (area * wanted * wanted), 1 / (2 * kNoiseRate));
-    for (std::size_t p = 0; p < rays_.size(); ++p) {
-        const double n = c * std::pow(single[p], power);
-        while (rays_[p] < quality_.most_rays && rays_[p] * 1.41 < n) rays_[p] *= 2;
+    for (double& s : out) s = c * std::pow(s, power);
+    return out;
+}
+
+double Bake::luxel_area_of(std::uint32_t p) const {
+    double area = 0;
+    for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
+        const Luxel& l = surfaces_.luxels[patch_luxels_[k]];
+        area += l.area * luxel_area(surfaces_, l.face);
     }
+    return area;
+}
+
+// Never fewer than before.
+void Bake::share_rays(double wanted) {
+    const std::vector<double> n = least_cost(noise_, wanted);
+    for (std::size_t p = 0; p < n.size(); ++p)
+        while (rays_[p] < quality_.most_rays && rays_[p] * 1.41 < n[p]) rays_[p] *= 2;
 }
 
 // Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no

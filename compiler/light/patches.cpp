@@ -1,9 +1,9 @@
 #include "compiler/light/patches.h"
 #include "libs/core/check.h"
 #include "libs/sampling/maps.h"
+#include "libs/core/union_find.h"
 #include <map>
 #include <numbers>
-#include <numeric>
 #include <unordered_map>
 
 namespace kiln {
@@ -34,19 +34,6 @@ bool share_edge(const PiecePoints& a, const PiecePoints& b) {
     }
     return false;
 }
-
-struct UnionFind {
-    std::vector<std::uint32_t> parent;
-    explicit UnionFind(std::size_t n) : parent(n) { std::iota(parent.begin(), parent.end(), 0u); }
-    std::uint32_t find(std::uint32_t i) {
-        while (parent[i] != i) i = parent[i] = parent[parent[i]];
-        return i;
-    }
-    void join(std::uint32_t a, std::uint32_t b) { // the smaller id is the root
-        a = find(a), b = find(b);
-        if (a != b) parent[std::max(a, b)] = std::min(a, b);
-    }
-};
 
 } // namespace
 

@@ -16,7 +16,7 @@ NearLights::NearLights(const LightField::Data& d, Vec3 x) {
         const double bound = light_bound(light, x, std::min(d.near_reach, length(light.position - x) - 1));
         if (!(bound > 0)) continue;
         if (sees(d.scene, x, light)) seen.push_back(i);
-        else others.push_back(i), choice.cumulative.push_back(choice.total() + bound);
+        else others.push_back(i), choice.add(bound);
     }
 }
 

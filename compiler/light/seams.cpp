@@ -1,8 +1,8 @@
 #include "compiler/light/seams.h"
 #include "compiler/light/bake.h"
+#include "libs/core/union_find.h"
 #include "libs/parallel/parallel.h"
 #include <cmath>
-#include <numeric>
 #include <tuple>
 
 namespace kiln {
@@ -246,19 +246,14 @@ struct Part {
 
 class Matching {
 public:
-    Matching(const Surfaces& surfaces, double floor, Lighting& lighting) : s_(surfaces), floor_(floor), light_(lighting), luxel_(surfaces.texel_count, UINT32_MAX) {
-        for (std::uint32_t l = 0; l < s_.luxels.size(); ++l) {
-            const Chart& c = s_.charts[s_.luxels[l].chart.at()];
-            luxel_[c.first_texel + s_.luxels[l].y * c.width + s_.luxels[l].x] = l;
-        }
-    }
+    Matching(const Surfaces& surfaces, double floor, Lighting& lighting) : s_(surfaces), floor_(floor), light_(lighting), index_(surfaces) {}
     void run(std::span<const SeamPoint> points, Context& context);
 
 private:
     const Surfaces& s_;
     const double floor_;
     Lighting& light_;
-    std::vector<std::uint32_t> luxel_; // of each texel
+    const LuxelIndex index_;
 
     bool directional(ChartId chart) const { return light_.rnm_first[chart.at()] != UINT32_MAX; }
     const Chart& chart_of(const SeamPoint& p, std::size_t k) const { return s_.charts[s_.faces[p.face[k].at()].chart.at()]; }
@@ -268,11 +263,16 @@ private:
             for (std::size_t i = 0; i < 3; ++i) out.rnm[i] = static_cast<Rgbd>(light_.rnm[light_.rnm_first[chart.at()] + (texel - s_.charts[chart.at()].first_texel)][i]);
         return out;
     }
+    const Luxel* baked_luxel(std::uint32_t texel) const { // none: filled in
+        const std::uint32_t l = index_.luxel_of(texel);
+        return light_.valid[texel] == 1 && l != UINT32_MAX ? &s_.luxels[l] : nullptr;
+    }
     double keep(std::uint32_t texel) const {
         const double v = std::max(static_cast<double>(mean(light_.flat[texel])), floor_);
-        if (light_.valid[texel] != 1 || luxel_[texel] == UINT32_MAX) return kKeepFilled / (v * v);
+        const Luxel* luxel = baked_luxel(texel);
+        if (!luxel) return kKeepFilled / (v * v);
         const double noise = light_.texel_error[texel] / kOrdinaryNoise;
-        return std::max(kKeepFilled, kKeepBaked * std::min(1.0f, s_.luxels[luxel_[texel]].area) / (1 + noise * noise)) / (v * v);
+        return std::max(kKeepFilled, kKeepBaked * std::min(1.0f, luxel->area) / (1 + noise * noise)) / (v * v);
     }
     void prepare(Part& part) const;
     void go_on(Part& part) const;
@@ -318,7 +318,7 @@ void Matching::go_on(Part& part) const {
     std::vector<double> own(part.texels.size(), 1); // share of what the texel keeps of its own
     for (std::size_t t = 0; t < part.texels.size(); ++t) {
         const std::uint32_t texel = part.texels[t];
-        const Luxel* luxel = light_.valid[texel] == 1 && luxel_[texel] != UINT32_MAX ? &s_.luxels[luxel_[texel]] : nullptr;
+        const Luxel* luxel = baked_luxel(texel);
         if (luxel && luxel->area > 0.999f) continue;
         const Chart& chart = s_.charts[part.charts[t].at()];
         const std::uint32_t at = texel - chart.first_texel;
@@ -482,12 +482,7 @@ void Matching::fit_directional(Part& part) const {
 
 void Matching::run(std::span<const SeamPoint> points, Context& context) {
     // Points that read a common texel are fitted together; the others need not wait for each other.
-    std::vector<std::uint32_t> root(s_.texel_count);
-    std::iota(root.begin(), root.end(), 0u);
-    const auto find = [&](std::uint32_t x) {
-        while (root[x] != x) x = root[x] = root[root[x]];
-        return x;
-    };
+    UnionFind together(s_.texel_count);
     std::vector<std::uint32_t> any(points.size(), UINT32_MAX);
     for (std::size_t j = 0; j < points.size(); ++j)
         for (std::size_t k = 0; k < 2; ++k) {
@@ -495,12 +490,11 @@ void Matching::run(std::span<const SeamPoint> points, Context& context) {
             for (std::size_t i = 0; i < 4; ++i) {
                 if (!(read.weight[i] > 0)) continue;
                 if (any[j] == UINT32_MAX) any[j] = read.texel[i];
-                const std::uint32_t a = find(any[j]), b = find(read.texel[i]);
-                root[std::max(a, b)] = std::min(a, b);
+                together.join(any[j], read.texel[i]);
             }
         }
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> order; // root, point
-    for (std::uint32_t j = 0; j < points.size(); ++j) order.emplace_back(find(any[j]), j);
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> order; // smallest texel of the set, point
+    for (std::uint32_t j = 0; j < points.size(); ++j) order.emplace_back(together.find(any[j]), j);
     std::ranges::sort(order);
     std::vector<Part> parts;
     for (std::size_t i = 0; i < order.size(); ++i) {

@@ -1,6 +1,7 @@
 // Where the only probe of a map stands, if its author gave none: in the region that holds a player start (else the
 // largest), at a leaf's middle that is far from walls and near the middle of the region.
 #include "compiler/probes/probe_scene.h"
+#include "libs/core/union_find.h"
 
 namespace kiln::probes {
 
@@ -12,18 +13,11 @@ double volume(const Box3& b) {
 
 // Leaves that portals join, numbered by their first leaf.
 std::vector<std::uint32_t> regions(const Bsp& bsp) {
-    std::vector<std::uint32_t> parent(bsp.leaves.size());
-    for (std::uint32_t l = 0; l < parent.size(); ++l) parent[l] = l;
-    const auto root = [&](std::uint32_t l) {
-        while (parent[l] != l) l = parent[l] = parent[parent[l]];
-        return l;
-    };
-    for (const BspPortal& p : bsp.portals) {
-        const std::uint32_t a = root(p.leaf_front.value), b = root(p.leaf_back.value);
-        parent[std::max(a, b)] = std::min(a, b);
-    }
-    for (std::uint32_t l = 0; l < parent.size(); ++l) parent[l] = root(l);
-    return parent;
+    UnionFind joined(bsp.leaves.size());
+    for (const BspPortal& p : bsp.portals) joined.join(p.leaf_front.value, p.leaf_back.value);
+    std::vector<std::uint32_t> out(bsp.leaves.size());
+    for (std::uint32_t l = 0; l < out.size(); ++l) out[l] = joined.find(l);
+    return out;
 }
 
 double free_distance(const ProbeScene& scene, Vec3 p, double most) {

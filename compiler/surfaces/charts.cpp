@@ -1,9 +1,9 @@
 #include "compiler/surfaces/charts.h"
 #include "libs/core/check.h"
+#include "libs/core/union_find.h"
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
-#include <numeric>
 #include <tuple>
 
 namespace kiln {
@@ -64,26 +64,20 @@ std::vector<Seam> find_seams(const Surfaces& s, const std::vector<FaceDraft>& dr
 
 std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, std::vector<Chart> curve_charts,
                           const Adjacency& adjacency, const World& world, Context& context) {
-    std::vector<std::uint32_t> root(s.faces.size());
-    std::iota(root.begin(), root.end(), 0u);
-    const auto find = [&](std::uint32_t x) {
-        while (root[x] != x) x = root[x] = root[root[x]];
-        return x;
-    };
+    UnionFind together(s.faces.size());
     for (std::size_t t = 0; t < s.triangles.size(); ++t)
         for (const std::uint32_t u : adjacency.across[t]) {
             if (u == Adjacency::kNone) continue;
             const std::uint32_t f = s.triangle_face[t].value, g = s.triangle_face[u].value;
             if (f >= g || !share_chart(drafts[f], drafts[g])) continue;
-            const std::uint32_t a = find(f), b = find(g);
-            root[std::max(a, b)] = std::min(a, b);
+            together.join(f, g);
         }
 
     std::vector<Extent> extents;
     for (std::uint32_t f = 0; f < s.faces.size(); ++f) { // ascending: a root comes before its members
         if (!drafts[f].lit || drafts[f].face.curved()) continue;
         Face& face = s.faces[f];
-        if (find(f) == f) {
+        if (together.find(f) == f) {
             Chart chart;
             chart.n = face.normal;
             chart.frame = face.tangent;
@@ -94,7 +88,7 @@ std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, std
             s.charts.push_back(std::move(chart));
             extents.emplace_back();
         }
-        face.chart = s.faces[find(f)].chart;
+        face.chart = s.faces[together.find(f)].chart;
         Chart& chart = s.charts[face.chart.at()];
         chart.faces.push_back({f});
         Extent& e = extents[face.chart.at()];
