@@ -140,9 +140,8 @@ LuxelKernel Bake::kernel_of(std::uint32_t l) const {
     return k;
 }
 
-HemisphereMap Bake::map_of(std::uint32_t l) const {
-    const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
-    return {cones_[surfaces_.luxels[l].chart.at()] || chart.smooth ? 0.6 : 1.0};
+HemisphereMap Bake::map_of(ChartId chart) const {
+    return {cones_[chart.at()] || surfaces_.charts[chart.at()].smooth ? 0.6 : 1.0};
 }
 
 // Reflected radiance at hits: direct light of the very luxel, the rest by patch.
@@ -303,6 +302,8 @@ std::vector<Rgbd> Bake::solve_patches() {
     rest_.resize(n);
     for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
     reflected_ = reflected_light(rest_, total);
+    bright_.clear();
+    for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
     coarse_ = coarse_light(rows_, direct, first);
     double area = 0, sum = 0;
     for (std::size_t p = 0; p < n; ++p)

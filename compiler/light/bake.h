@@ -67,7 +67,11 @@ public:
     static constexpr int kSide = 16;
     static constexpr double kUniformShare = 0.35;
     void clear();
-    void add(Vec2 square, double light);
+    static std::uint8_t cell(Vec2 square) {
+        const auto at = [](double x) { return std::clamp(static_cast<int>(x * kSide), 0, kSide - 1); };
+        return static_cast<std::uint8_t>(at(square.x) * kSide + at(square.y));
+    }
+    void add(std::uint8_t cell, double light) { cell_[cell] += light; }
     void build();                               // blurs, normalises, mixes
     Vec2 sample(Vec2 u, double* density) const; // density: of the primary square, >= kUniformShare
 
@@ -124,7 +128,7 @@ private:
     std::vector<std::uint32_t> share_direct(double measured, double wanted);
     std::vector<Rgbd> patch_direct();
     // gather.cpp
-    void patch_guide(std::uint32_t patch, const HemisphereMap& map, Guide* guide) const;
+    void patch_guide(std::uint32_t patch, Guide* guide) const;
     // `met`: receives emitters that should have had rays of their own, and leaves their light out; none: it stays
     // in. `coarse`: the same rays looked up in another solution, for the estimate of its difference; their sum.
     LuxelGather gather(std::uint32_t luxel, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
@@ -154,7 +158,7 @@ private:
     ReflectedLight reflected_light(const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total) const;
     ReflectedLight coarse_light(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
     void fill();
-    HemisphereMap map_of(std::uint32_t luxel) const;
+    HemisphereMap map_of(ChartId chart) const;
 
     const World& world_;
     const Surfaces& surfaces_;
@@ -172,6 +176,7 @@ private:
     std::vector<std::uint32_t> patch_emitter_;           // per patch; UINT32_MAX: none
     std::vector<std::uint8_t> covered_;        // per patch: it looks into what is solid; nothing is baked there
     std::vector<std::uint32_t> hits_;          // row_rays per patch, in ray order
+    std::vector<std::uint8_t> hit_cells_;      // of those rays, in guides of the patch's chart
     std::vector<double> estimate_;             // per patch: mean irradiance, everything gathered
     double residual_ = 0;                      // relative, of the last solution
     double floor_ = 0;                         // irradiance below which errors are not relative any more
@@ -186,6 +191,7 @@ private:
     std::vector<Rgbd> rest_;                                      // per patch: irradiance that is not direct
     std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
     ReflectedLight reflected_;
+    std::vector<double> bright_;               // per patch: luminance of what it reflects
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
     std::vector<std::uint32_t> rays_;          // per patch: gathered rays of its luxels
     std::vector<double> noise_, noise_weight_; // per patch: relative variance of a single ray, as passes showed it

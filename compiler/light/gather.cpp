@@ -38,12 +38,6 @@ void Guide::clear() {
     cell_.fill(0);
 }
 
-void Guide::add(Vec2 square, double light) {
-    const int x = std::clamp(static_cast<int>(square.x * kSide), 0, kSide - 1);
-    const int y = std::clamp(static_cast<int>(square.y * kSide), 0, kSide - 1);
-    cell_[static_cast<std::size_t>(x * kSide + y)] += light;
-}
-
 void Guide::build() {
     std::array<double, kSide * kSide> blurred{};
     double sum = 0;
@@ -93,24 +87,24 @@ Vec2 Guide::sample(Vec2 u, double* density) const {
 
 // From the bundles of the row and of the patches next to it in the same plane, whose directions mean the same: a
 // spot that the patch's own rays missed is rarely missed by all of them.
-void Bake::patch_guide(std::uint32_t p, const HemisphereMap& map, Guide* guide) const {
+void Bake::patch_guide(std::uint32_t p, Guide* guide) const {
     guide->clear();
     const std::uint32_t m = quality_.row_rays;
     const auto add = [&](std::uint32_t from, double weight) {
-        const Sobol points(seed_at(patches_.patches[from].centroid, 1)); // the bundle of trace_rows
-        for (std::uint32_t i = 0; i < m; ++i) {
-            const std::uint32_t hit = hits_[static_cast<std::size_t>(from) * m + i];
+        const std::size_t first = static_cast<std::size_t>(from) * m;
+        for (std::size_t i = first; i < first + m; ++i) {
+            const std::uint32_t hit = hits_[i];
             double light = 0;
             std::uint32_t emitter = UINT32_MAX;
             if (is_patch(hit)) {
-                light = luminance(static_cast<Rgbd>(reflected_.patch[hit]));
+                light = bright_[hit];
                 emitter = patch_emitter_[hit];
             } else if (hit < kHitBlack) {
                 emitter = hit & ~kHitEmitter;
             }
             if (emitter != UINT32_MAX && !listed(p, emitter))
                 light += luminance(emitters_.emitters[emitter].radiance);
-            if (light > 0) guide->add(map.from_cosine(points.pair(i, 0)), weight * light);
+            guide->add(hit_cells_[i], weight * light);
         }
     };
     add(p, 1);
@@ -361,8 +355,8 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             const std::uint32_t l = chosen[i];
             const Luxel& luxel = surfaces_.luxels[l];
             const Chart& chart = surfaces_.charts[luxel.chart.at()];
-            const HemisphereMap map = map_of(l);
-            patch_guide(luxel_patch_[l], map, &guide);
+            const HemisphereMap map = map_of(luxel.chart);
+            patch_guide(luxel_patch_[l], &guide);
             const Footprint footprint = footprint_of_luxel(l);
             const LuxelKernel kernel = kernel_of(l);
             Result& result = results[i];
@@ -474,8 +468,8 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 const std::uint32_t l = patch_luxels_[k];
                 const Luxel& luxel = surfaces_.luxels[l];
                 const Chart& chart = surfaces_.charts[luxel.chart.at()];
-                const HemisphereMap map = map_of(l);
-                if (!built) patch_guide(p, map, &guide), built = true;
+                const HemisphereMap map = map_of(luxel.chart);
+                if (!built) patch_guide(p, &guide), built = true;
                 const LuxelKernel kernel = kernel_of(l);
                 const LuxelGather g =
                     gather(l, kernel, guide, map, rays_[p],

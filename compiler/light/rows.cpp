@@ -15,6 +15,7 @@ void Bake::trace_rows() {
     const std::uint32_t m = quality_.row_rays;
     const std::size_t n = patches_.patches.size();
     hits_.assign(n * m, kHitBlack);
+    hit_cells_.assign(n * m, 0);
     covered_.assign(n, 0);
     constexpr std::size_t kChunk = 16;
     std::vector<HitCounts> counts((n + kChunk - 1) / kChunk);
@@ -30,11 +31,14 @@ void Bake::trace_rows() {
             if (footprint.empty()) continue;
             const Frame flat = frame_around(footprint.normal());
             const Sobol points(seed_at(patch.centroid, 1));
+            const HemisphereMap map = face.chart.valid() ? map_of(face.chart) : HemisphereMap{};
             for (std::uint32_t i = 0; i < m; ++i) {
+                const Vec2 square = points.pair(i, 0);
+                hit_cells_[p * m + i] = Guide::cell(map.from_cosine(square));
                 const Footprint::Point at = footprint.sample(points.pair(i, 2));
                 const Frame frame = footprint.bent() ? frame_around(at.normal) : flat;
                 origins[i] = at.position + at.normal * scene_.push_off();
-                directions[i] = frame.world(cosine_hemisphere(points.pair(i, 0)));
+                directions[i] = frame.world(cosine_hemisphere(square));
             }
             scene_.closest(origins, directions, found);
             HitCounts c{.rays = m};
