@@ -1,4 +1,5 @@
 #include "compiler/compile.h"
+#include "compiler/light/memo.h"
 #include "compiler/stage.h"
 #include <algorithm>
 #include <charconv>
@@ -187,6 +188,21 @@ Result<Visibility> see(Hash key, const VisibilityOptions& options, const Compile
         throw;
     }
 }
+constexpr std::uint32_t kLightVersion = 7;
+// The light stage, with what an earlier bake of the same surfaces came to where it comes to the same.
+Result<Lighting> relight(Hash shape, const LightOptions& options, const CompileRun& run, Context& context, const Compiled& out) {
+    const bool keeps = run.store && run.store->enabled();
+    LightMemo memo;
+    if (keeps)
+        if (const auto bytes = run.store->load(shape)) try {
+                memo = from_bytes<LightMemo>(*bytes);
+            } catch (const ArchiveError&) {
+                memo = {};
+            }
+    auto lighting = bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, keeps ? &memo : nullptr);
+    if (keeps && lighting) (void)run.store->save(shape, to_bytes(memo)); // not kept: the next bake takes nothing over
+    return lighting;
+}
 // The openings themselves were reported by the stage.
 Fault leak_fault(const World& world, const Leak& leak) {
     const auto where = leak.entity.valid() ? world.location(leak.entity) : SourceLocation{.file = world.file};
@@ -251,8 +267,9 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
     const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), lights_key(out.lights));
-    const auto light = stages.run(Stage::light, 6, all(lit, options.light), places, out.lighting,
-                                  [&] { return bake_light(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options.light, context); });
+    const Hash shape = all(std::string("light of before"), kLightVersion, without_overlays(out.surfaces, *surfaces), *bsp, options.light); // but for what shines
+    const auto light = stages.run(Stage::light, kLightVersion, all(lit, options.light), places, out.lighting,
+                                  [&] { return relight(shape, options.light, run, context, out); });
     if (!light) return light.fault();
     if (done(Stage::light)) return true;
 

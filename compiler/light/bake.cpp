@@ -16,6 +16,7 @@ constexpr int kPatchRefinements = 3;
 constexpr double kPatchShare = 0.6;                        // of the target, for patches; the noise has as much
 constexpr double kDirectShare = 0.35;                      // for the noise of direct light
 constexpr double kSteep = 5;                               // targets by which direct light of luxels side by side may differ
+constexpr double kRestStep = 0.125;                        // of the target: to what share of itself indirect light is rounded
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
 Quality Quality::of(const LightOptions& options) {
@@ -73,23 +74,28 @@ Vec3 shading_normal(const Surfaces& s, FaceId id, Vec3 point) {
 }
 
 Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchTable& patches,
-                        const ReflectedLight& light, const SceneHit& hit) {
+                        const ReflectedLight& light, const SceneHit& hit, Looked* looked) {
     const Face& face = s.faces[hit.face.at()];
     std::uint32_t patch;
     if (face.chart.valid()) {
         const std::uint32_t texel = index.texel_at(hit.face, hit.position);
-        if (patches.texel_patch[texel] < kMixedPatch) return static_cast<Rgbd>(light.texel[texel]);
+        if (patches.texel_patch[texel] < kMixedPatch) {
+            if (looked) looked->at(patches.texel_patch[texel]);
+            return static_cast<Rgbd>(light.texel[texel]);
+        }
         const std::uint32_t piece = index.piece_at(hit.face, hit.position);
         patch = piece == UINT32_MAX ? kNoPatch : patches.piece_patch[piece];
     } else {
         patch = patches.face_patch[hit.face.at()];
     }
-    return patch == kNoPatch ? Rgbd{} : static_cast<Rgbd>(light.patch[patch]);
+    if (patch == kNoPatch) return {};
+    if (looked) looked->at(patch);
+    return static_cast<Rgbd>(light.patch[patch]);
 }
 
 Bake::Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, bool sealed,
-           const LightOptions& options, Context& context)
-    : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(sealed), context_(context),
+           const LightOptions& options, LightMemo* memo, Context& context)
+    : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(sealed), memo_(memo), context_(context),
       quality_(Quality::of(options)), scene_(world, surfaces), index_(surfaces),
       emitters_(world, surfaces, sky_radiance(lights)) {}
 
@@ -228,8 +234,10 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
     std::uint32_t iterations = 0;
     double residual = 0;
     const std::vector<Rgbd> solved = solve(merged, coarse_first, coarse_rho, &iterations, &residual);
-    std::vector<Rgbd> rest(n), total(n);
-    for (std::size_t p = 0; p < n; ++p) total[p] = solved[parent[p]], rest[p] = total[p] - coarse_direct[parent[p]];
+    std::vector<Rgbd> coarse_rest(m), rest(n), total(n);
+    for (std::size_t c = 0; c < m; ++c) coarse_rest[c] = solved[c] - coarse_direct[c];
+    quantise(&coarse_rest, places_of(coarse));
+    for (std::size_t p = 0; p < n; ++p) rest[p] = coarse_rest[parent[p]], total[p] = coarse_direct[parent[p]] + rest[p];
     return reflected_light(rest, total);
 }
 
@@ -278,6 +286,7 @@ void Bake::make_patches() {
     }
 
     find_neighbours();
+    if (memo_) open_memo();
     trace_rows();
     rows_ = merge_rows();
     std::vector<Rgbd> rho;
@@ -290,6 +299,33 @@ void Bake::make_patches() {
     rays_.assign(n, quality_.first_rays);
 }
 
+std::vector<Vec3> Bake::places_of(const PatchTable& table) {
+    std::vector<Vec3> out;
+    for (const Patch& p : table.patches) out.push_back(p.centroid);
+    return out;
+}
+
+// The level below which errors are not relative any more, in coarse steps: it is a matter of taste, and a lamp more somewhere must
+// not decide anew everywhere.
+double Bake::error_floor(double mean_irradiance) const {
+    return mean_irradiance > 0 ? std::exp2(std::round(4 * std::log2(options_.error_floor * mean_irradiance)) / 4) : 0;
+}
+
+// A lamp changed in one room changes the last digits of the light of every other. Rounded, up or down by the place, so that means do not
+// change, light is mostly the same where nothing much happened, and what was gathered of it can be taken over.
+void Bake::quantise(std::vector<Rgbd>* rest, const std::vector<Vec3>& places) const {
+    const double share = std::exp2(std::floor(std::log2(kRestStep * options_.error_percent / 100)));
+    for (std::size_t p = 0; p < rest->size(); ++p) {
+        const std::uint64_t place = seed_at(places[p], 7);
+        for (std::size_t c = 0; c < 3; ++c) {
+            double& x = (*rest)[p][c];
+            if (!(x > 0)) continue;
+            const double step = std::exp2(std::floor(std::log2(std::max(x, floor_)))) * share;
+            x = std::floor(x / step + static_cast<double>(mix(place, c) >> 11) * 0x1p-53) * step;
+        }
+    }
+}
+
 // All bounces from the direct light of the luxels: total irradiance of the patches.
 std::vector<Rgbd> Bake::solve_patches() {
     const std::size_t n = patches_.patches.size();
@@ -299,16 +335,19 @@ std::vector<Rgbd> Bake::solve_patches() {
     std::vector<Rgbd> first = gathered_emission(true);
     for (std::size_t p = 0; p < n; ++p) first[p] += direct[p];
     std::vector<Rgbd> total = solve(rows_, first, rho, &out_.iterations, &residual_);
+    double area = 0, sum = 0;
+    for (std::size_t p = 0; p < n; ++p)
+        area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
+    floor_ = area > 0 ? error_floor(sum / area) : 0;
     rest_.resize(n);
     for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
+    quantise(&rest_, places_of(patches_));
+    for (std::size_t p = 0; p < n; ++p) total[p] = direct[p] + rest_[p];
     reflected_ = reflected_light(rest_, total);
     bright_.clear();
     for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
     coarse_ = coarse_light(rows_, direct, first);
-    double area = 0, sum = 0;
-    for (std::size_t p = 0; p < n; ++p)
-        area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
-    floor_ = area > 0 ? options_.error_floor * sum / area : 0;
+    if (memo_) note_solution();
     return total;
 }
 
@@ -317,7 +356,7 @@ Lighting Bake::run() {
     out_.encoding = options_.encoding;
     // Which charts get directional light, and the table of their cone.
     std::map<double, std::shared_ptr<const ConeTable>> tables;
-    cones_.resize(surfaces_.charts.size());
+    cones_.resize(surfaces_.charts.size()), cone_deg_.resize(surfaces_.charts.size());
     out_.chart_directional.resize(surfaces_.charts.size());
     out_.rnm_first.assign(surfaces_.charts.size(), UINT32_MAX);
     std::size_t rnm = 0;
@@ -334,6 +373,7 @@ Lighting Bake::run() {
         auto& table = tables[cone > 0 ? cone : 30];
         if (!table) table = std::make_shared<ConeTable>(options_.encoding, cone > 0 ? cone : 30);
         cones_[c] = table;
+        cone_deg_[c] = cone > 0 ? cone : 30;
         out_.chart_directional[c] = 1;
         out_.rnm_first[c] = static_cast<std::uint32_t>(rnm);
         rnm += static_cast<std::size_t>(surfaces_.charts[c].width) * surfaces_.charts[c].height;
@@ -404,6 +444,7 @@ Lighting Bake::run() {
         wanted *= std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
         check = gather();
     }
+    stow_rows();
     fill();
     match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
 
@@ -478,11 +519,11 @@ void Bake::fill() {
 }
 
 Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable&, const Surfaces& surfaces,
-                            const std::vector<Light>& lights, const LightOptions& options, Context& context) {
+                            const std::vector<Light>& lights, const LightOptions& options, Context& context, LightMemo* memo) {
     try {
         // A filled world lets nothing out; one compiled with its leaks does.
         const bool sealed = std::ranges::any_of(bsp.leaves, &BspLeaf::outside);
-        Bake bake(world, surfaces, lights, sealed, options, context);
+        Bake bake(world, surfaces, lights, sealed, options, memo, context);
         return bake.run();
     } catch (const Cancelled&) {
         return fault(Exit::cancelled, "cancelled", "stopped while baking light");

@@ -2,6 +2,7 @@
 #pragma once
 #include "compiler/light/emitters.h"
 #include "compiler/light/kernels.h"
+#include "compiler/light/memo.h"
 #include "compiler/light/patches.h"
 #include <atomic>
 #include <span>
@@ -32,6 +33,7 @@ struct LightRef {
 };
 
 struct HitCounts {
+    static constexpr bool kRawBytes = true;
     std::uint64_t rays = 0, escaped = 0, back = 0;
     HitCounts& operator+=(const HitCounts& o) {
         rays += o.rays, escaped += o.escaped, back += o.back;
@@ -83,6 +85,7 @@ private:
 };
 
 struct LuxelGather {
+    static constexpr bool kRawBytes = true;
     KernelSum sum;
     std::array<double, 4> variance{}; // of what is shown (LuxelKernel::shown), from quarters of the sequence: an upper bound
     HitCounts hits;
@@ -91,7 +94,7 @@ struct LuxelGather {
 class Bake {
 public:
     Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, bool sealed,
-         const LightOptions& options, Context& context);
+         const LightOptions& options, LightMemo* memo, Context& context);
     Lighting run();
 
 private:
@@ -102,6 +105,17 @@ private:
     };
     void make_patches();
     std::vector<Rgbd> solve_patches();
+    static std::vector<Vec3> places_of(const PatchTable& table);
+    double error_floor(double mean_irradiance) const;
+    void quantise(std::vector<Rgbd>* rest, const std::vector<Vec3>& places) const;
+    // relight.cpp
+    void open_memo();
+    void stow_rows();
+    void note_solution();
+    void note_lists();
+    void note_states();
+    std::uint64_t direct_key(std::uint32_t patch, std::uint64_t pass) const;
+    std::uint64_t gather_key(std::uint32_t patch) const;
     // rows.cpp
     void trace_rows();
     Rows merge_rows() const;
@@ -111,6 +125,7 @@ private:
     // direct.cpp
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
+    std::uint64_t stream_of(const LightRef& ref) const;
     void direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
                    const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays, double* variance, // += of the mean, from its places
                    std::vector<std::uint8_t>* divided) const; // set for lights that the test rays were wrong about
@@ -133,7 +148,7 @@ private:
     // in. `coarse`: the same rays looked up in another solution, for the estimate of its difference; their sum.
     LuxelGather gather(std::uint32_t luxel, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
                        std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
-                       const ReflectedLight* coarse = nullptr, KernelSum* coarse_sum = nullptr) const;
+                       const ReflectedLight* coarse = nullptr, KernelSum* coarse_sum = nullptr, Looked* looked = nullptr) const;
     enum class Pass { first, again, last };
     struct PilotResult {                  // of what is shown along that of the four normals that fares worst
         double noise = 0, bias = 0;       // rRMSE
@@ -148,7 +163,7 @@ private:
     std::vector<double> least_cost(const std::vector<double>& variance, double wanted) const;
     void share_rays(double wanted);
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
-    Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, int depth) const;
+    Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const;
     // bake.cpp
     LuxelKernel kernel_of(std::uint32_t luxel) const;
     Footprint footprint_of_patch(std::uint32_t patch) const;
@@ -165,6 +180,7 @@ private:
     const std::vector<Light>& lights_;
     const LightOptions& options_;
     const bool sealed_; // nothing may escape: what does starts inside something
+    LightMemo* memo_;   // none: nothing is kept
     Context& context_;
     Quality quality_;
     TraceScene scene_;
@@ -190,11 +206,19 @@ private:
     Rows rows_;
     std::vector<Rgbd> rest_;                                      // per patch: irradiance that is not direct
     std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
+    std::vector<double> cone_deg_;                                // per chart
     ReflectedLight reflected_;
     std::vector<double> bright_;               // per patch: luminance of what it reflects
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
     std::vector<std::uint32_t> rays_;          // per patch: gathered rays of its luxels
     std::vector<double> noise_, noise_weight_; // per patch: relative variance of a single ray, as passes showed it
+    // With a memo: that of the patches as they are, what every key begins with, and what a place's light is a function of.
+    std::vector<PatchMemo> known_;
+    PatchMemo* kept_ = nullptr;
+    std::uint64_t geometry_ = 0, base_ = 0;                             // base_: with the sky
+    std::vector<std::uint64_t> light_ids_;                              // per entity: of all that makes its light
+    std::vector<std::uint64_t> reflects_, reflects_coarse_, guides_;    // per patch, from the last solution
+    std::vector<std::uint64_t> lists_hash_, states_, states_coarse_;    // and from the lists as they are
     HitCounts counts_;
     std::atomic<std::uint64_t> shadow_rays_{0};
     Lighting out_;
@@ -202,7 +226,7 @@ private:
 
 // What leaves a hit by reflection.
 Rgbd reflected_radiance(const Surfaces& surfaces, const LuxelIndex& index, const PatchTable& patches,
-                        const ReflectedLight& light, const SceneHit& hit);
+                        const ReflectedLight& light, const SceneHit& hit, Looked* looked = nullptr);
 Rgbd sky_radiance(const std::vector<Light>& lights);
 // The shading normal at a point of a face.
 Vec3 shading_normal(const Surfaces& surfaces, FaceId face, Vec3 point);

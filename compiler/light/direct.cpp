@@ -14,6 +14,13 @@ constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a li
 double square(double x) {
     return x * x;
 }
+struct PatchDirect { // what a memo keeps of the luxels of a patch
+    std::vector<KernelSum> sums;
+    std::vector<float> variances;
+    std::vector<std::uint8_t> divided;
+    std::uint64_t rays = 0;
+    template <class A> void fields(A& a) { a(sums, variances, divided, rays); }
+};
 } // namespace
 
 bool Bake::listed(std::uint32_t patch, std::uint32_t emitter) const {
@@ -80,7 +87,10 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         estimate_[p] = mean(irradiance[p]);
         area += patches_.patches[p].area, sum += patches_.patches[p].area * estimate_[p];
     }
-    floor_ = area > 0 ? options_.error_floor * sum / area : 0;
+    floor_ = area > 0 ? error_floor(sum / area) : 0;
+    // What is worth rays is decided in coarse steps: what changes elsewhere a little must not change it here.
+    for (double& e : estimate_)
+        if (e > 0) e = std::exp2(std::round(8 * std::log2(e)) / 8);
     std::vector<std::vector<LightRef>> emitters(n), entities(n);
     constexpr std::size_t kChunk = 32;
     parallel_for(context_, "light: visible lights", (n + kChunk - 1) / kChunk, [&](std::size_t chunk) {
@@ -246,12 +256,17 @@ double Bake::distance_to(const LightRef& ref, Vec3 x) const {
     return light.kind == LightKind::sun ? 1e30 : length(light.position - x);
 }
 
+// Random numbers are a light's own, wherever it stands in the map's file: with one more or less the others keep theirs.
+std::uint64_t Bake::stream_of(const LightRef& ref) const {
+    return ref.is_emitter ? mix(ref.light, std::uint64_t{1}) : mix_place(lights_[ref.light].position + lights_[ref.light].direction, static_cast<std::uint64_t>(lights_[ref.light].kind));
+}
+
 // Explicit light averaged over a footprint. Places and points on the light share one sequence.
 void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
                      const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays, double* variance, std::vector<std::uint8_t>* divided) const {
     using Point = Footprint::Point;
     for (const LightRef& ref : lists_[patch]) {
-        const Sobol points(mix(seed, ref.light, static_cast<std::uint64_t>(ref.is_emitter)));
+        const Sobol points(mix(seed, stream_of(ref)));
         const auto lifted = [&](Point p) { return Point{p.position + p.normal * scene_.push_off(), p.normal}; };
         const auto place = [&](std::uint32_t index) { return lifted(footprint.sample(points.pair(index, 0))); };
         const Point middle = footprint.bent() ? place(0) : lifted({footprint.centroid(), footprint.normal()});
@@ -372,10 +387,20 @@ std::vector<std::vector<std::uint8_t>> Bake::luxel_direct(std::span<const std::u
     // Other points each time: that a place was found noisy must not be part of its value.
     const std::uint64_t pass = 1024 + direct_passes_++;
     constexpr std::size_t kChunk = 16;
+    if (memo_) note_lists();
     parallel_for(context_, "light: direct", (patches.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
-        std::uint64_t rays = 0;
+        std::uint64_t all_rays = 0;
         for (const std::uint32_t p :
              patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
+            const std::uint32_t first = patch_luxel_first_[p], end = patch_luxel_first_[p + 1];
+            const std::uint64_t key = memo_ ? direct_key(p, pass) : 0;
+            if (const Bytes* kept = memo_ ? kept_->direct.find(p, key, {}) : nullptr) {
+                PatchDirect d = from_bytes<PatchDirect>(*kept);
+                for (std::uint32_t k = first; k < end; ++k) direct_[patch_luxels_[k]] = d.sums[k - first], direct_variance_[patch_luxels_[k]] = d.variances[k - first];
+                divided[p] = std::move(d.divided), all_rays += d.rays;
+                continue;
+            }
+            std::uint64_t rays = 0;
             divided[p].resize(lists_[p].size());
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
@@ -386,8 +411,15 @@ std::vector<std::vector<std::uint8_t>> Bake::luxel_direct(std::span<const std::u
                 direct_at(footprint, p, seed_at(luxel_centroid(surfaces_.luxels[l]), pass), kernel_of(l), &direct_[l], &rays, &variance, &divided[p]);
                 direct_variance_[l] = static_cast<float>(variance);
             }
+            if (memo_ && first != end) {
+                PatchDirect d;
+                for (std::uint32_t k = first; k < end; ++k) d.sums.push_back(direct_[patch_luxels_[k]]), d.variances.push_back(direct_variance_[patch_luxels_[k]]);
+                d.divided = divided[p], d.rays = rays;
+                kept_->direct.keep(p, key, {}, {}, to_bytes(d));
+            }
+            all_rays += rays;
         }
-        shadow_rays_ += rays;
+        shadow_rays_ += all_rays;
     });
     return divided;
 }

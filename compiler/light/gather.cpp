@@ -2,6 +2,7 @@
 #include "compiler/light/bake.h"
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
+#include <functional>
 #include <numbers>
 
 namespace kiln {
@@ -10,6 +11,20 @@ constexpr double kPi = std::numbers::pi;
 double luminance(Rgbd c) {
     return mean(c);
 }
+struct PatchGather { // what a memo keeps of the luxels of a patch
+    std::vector<LuxelGather> luxels;
+    std::vector<std::uint32_t> met;
+    template <class A> void fields(A& a) { a(luxels, met); }
+};
+constexpr std::uint32_t kReplicates = 4;
+struct PilotLuxel {
+    static constexpr bool kRawBytes = true;
+    // Along the normals of LuxelKernel::shown, direct light included.
+    std::array<std::array<Rgbd, 4>, kReplicates> value{}, direct{}, to_coarse{};
+    std::array<Rgbd, 4> mean_value{};
+    std::uint64_t shown = 1;
+    double area = 0, representation = 0;
+};
 constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to the minus this
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 } // namespace
@@ -150,7 +165,7 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
 // Radiance reflected at a hit. One close by lies where light may vary within a luxel and much within a patch (the
 // other wall of a corner, a crevice): there the direct light of the luxel is kept, if it is much the same around it and
 // else asked for at the very place, and the rest taken one bounce further on.
-Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light,
+Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked,
                         int depth) const {
     constexpr double kNearLuxels = 1.5;
     constexpr int kNearBounces = 4;
@@ -160,6 +175,7 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
         if (hit.distance < kNearLuxels * chart.luxel_size) {
             const std::uint32_t texel = index_.texel_at(hit.face, hit.position), patch = patches_.texel_patch[texel];
             if (patch < kMixedPatch) {
+                if (looked) looked->at(patch);
                 const Vec3 n = dot(face.normal, came) < 0 ? face.normal : -face.normal;
                 const double u = random(), v = random();
                 const Vec3 way = frame_around(n).world(cosine_hemisphere({u, v}));
@@ -168,7 +184,7 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                 if (!next) {
                     radiance = sky_radiance(lights_);
                 } else if (!next->back) {
-                    radiance = reflected_at(*next, way, random, light, depth + 1);
+                    radiance = reflected_at(*next, way, random, light, looked, depth + 1);
                     const std::uint32_t e = emitters_.of_face[next->face.at()];
                     if (e != UINT32_MAX && !listed(patch, e)) radiance += emitters_.emitters[e].radiance;
                 }
@@ -179,12 +195,12 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
             }
         }
     }
-    return reflected_radiance(surfaces_, index_, patches_, light, hit);
+    return reflected_radiance(surfaces_, index_, patches_, light, hit, looked);
 }
 
 LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
                          std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
-                         const ReflectedLight* coarse, KernelSum* coarse_sum) const {
+                         const ReflectedLight* coarse, KernelSum* coarse_sum, Looked* looked) const {
     LuxelGather out;
     const Luxel& luxel = surfaces_.luxels[l];
     const Footprint footprint = footprint_of_luxel(l);
@@ -245,14 +261,14 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
             ++out.hits.back;
         } else {
             Random random(mix(seed, i)), same = random;
-            radiance = reflected_at(*found[i], directions[i], random, reflected_, 0);
+            radiance = reflected_at(*found[i], directions[i], random, reflected_, looked, 0);
             Rgbd emitted;
             const std::uint32_t emitter = emitters_.of_face[found[i]->face.at()];
             if (emitter != UINT32_MAX && !listed(patch, emitter) && !std::ranges::binary_search(heavy, emitter))
                 emitted = emitters_.emitters[emitter].radiance;
             radiance += emitted;
             if (coarse)
-                kernel.add(*coarse_sum, k, (reflected_at(*found[i], directions[i], same, *coarse, 0) + emitted) * (weights[i] / rays));
+                kernel.add(*coarse_sum, k, (reflected_at(*found[i], directions[i], same, *coarse, nullptr, 0) + emitted) * (weights[i] / rays));
         }
         const double w = weights[i];
         kernel.add(quarter[i * 4 / rays], k, radiance * w);
@@ -333,39 +349,43 @@ void Bake::share_rays(double wanted) {
 // Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no
 // reference needed; the same rays looked up in patches of twice the size show how much the patches still matter.
 Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
-    constexpr std::uint32_t kReplicates = 4;
     constexpr int kNormals = 6;
     std::vector<std::uint32_t> chosen;
     for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
         if (luxel_patch_[l] != kNoPatch && !covered_[luxel_patch_[l]] &&
             seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0)
             chosen.push_back(l);
-    struct Result {
-        // Along the normals of LuxelKernel::shown, direct light included.
-        std::array<std::array<Rgbd, 4>, kReplicates> value{}, direct{}, to_coarse{};
-        std::array<Rgbd, 4> mean_value{};
-        std::size_t shown = 1;
-        double area = 0, representation = 0;
-    };
-    std::vector<Result> results(chosen.size());
+    if (memo_) note_states();
+    std::vector<PilotLuxel> results(chosen.size());
     constexpr std::size_t kChunk = 8;
     parallel_for(context_, "light: pilot", (chosen.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
         Guide guide;
+        thread_local Looked looked;
         for (std::size_t i = chunk * kChunk; i < std::min(chosen.size(), (chunk + 1) * kChunk); ++i) {
             const std::uint32_t l = chosen[i];
             const Luxel& luxel = surfaces_.luxels[l];
             const Chart& chart = surfaces_.charts[luxel.chart.at()];
             const HemisphereMap map = map_of(luxel.chart);
+            const std::uint64_t key = memo_ ? mix(gather_key(luxel_patch_[l]), effort_[luxel_patch_[l]], std::uint64_t{i % 4 == 0}) : 0;
+            if (const Bytes* kept = memo_ ? kept_->pilot.find(l, key, states_coarse_) : nullptr) {
+                results[i] = from_bytes<PilotLuxel>(*kept);
+                continue;
+            }
+            looked.begin(patches_.patches.size());
+            const struct Keep { // however this one ends
+                std::function<void()> at_end;
+                ~Keep() { at_end(); }
+            } keep{[&] { if (memo_) kept_->pilot.keep(l, key, states_coarse_, looked.parts(), to_bytes(results[i])); }};
             patch_guide(luxel_patch_[l], &guide);
             const Footprint footprint = footprint_of_luxel(l);
             const LuxelKernel kernel = kernel_of(l);
-            Result& result = results[i];
+            PilotLuxel& result = results[i];
             result.shown = kernel.shown_count();
             KernelSum sum;
             for (std::uint32_t r = 0; r < kReplicates; ++r) {
                 const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
                 KernelSum coarse, direct;
-                KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse).sum;
+                KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse, memo_ ? &looked : nullptr).sum;
                 std::uint64_t shadow = 0;
                 direct_at(footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
                 fine += direct, coarse += direct;
@@ -380,7 +400,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             if (!kernel.cone || chart.smooth || i % 4 != 0) continue;
             // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
             const auto light = [&](const LuxelKernel& k) {
-                KernelSum arriving = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr).sum;
+                KernelSum arriving = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr, nullptr, nullptr, memo_ ? &looked : nullptr).sum;
                 std::uint64_t shadow = 0;
                 direct_at(footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &arriving, &shadow, nullptr, nullptr);
                 return arriving;
@@ -412,12 +432,12 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
     for (std::size_t k = 0; k < 4; ++k) { // along each normal
         double area = 0;
         Rgbd mean_value;
-        for (const Result& r : results)
+        for (const PilotLuxel& r : results)
             if (k < r.shown) mean_value += r.mean_value[k] * r.area, area += r.area;
         if (!(area > 0)) continue;
         mean_value = mean_value / area;
         double noise = 0, noise2 = 0, bias = 0, bias2 = 0, direct = 0, n = 0;
-        for (const Result& r : results) {
+        for (const PilotLuxel& r : results) {
             if (k >= r.shown) continue;
             double variance = 0, shift = 0;
             for (std::size_t c = 0; c < 3; ++c) {
@@ -444,7 +464,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
         out.bias_se = std::sqrt(std::max(0.0, bias2 / area - bias * bias) / n);
     }
     double shown = 0;
-    for (const Result& r : results)
+    for (const PilotLuxel& r : results)
         out.representation += r.representation * r.area, shown += r.representation > 0 ? r.area : 0;
     if (shown > 0) out.representation = std::sqrt(out.representation / shown);
     return out;
@@ -457,29 +477,44 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
     constexpr std::size_t kChunk = 16; // patches: their luxels share a guide
     std::vector<HitCounts> counts((patches.size() + kChunk - 1) / kChunk);
     std::vector<std::vector<std::uint32_t>> found(patches_.patches.size());
+    if (memo_) note_states();
     parallel_for(context_, "light: gather", counts.size(), [&](std::size_t chunk) {
-        Guide guide;
+        thread_local Looked looked;
         for (const std::uint32_t p :
              patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
-            if (covered_[p]) continue;
-            bool built = false;
+            if (covered_[p] || patch_luxel_first_[p] == patch_luxel_first_[p + 1]) continue;
+            const std::uint64_t stream = pass == Pass::first ? 4 : 16 + rays_[p];
+            const std::uint64_t key = memo_ ? mix(gather_key(p), stream, static_cast<std::uint64_t>(pass == Pass::last)) : 0;
+            PatchGather gathered;
+            if (const Bytes* kept = memo_ ? kept_->gather.find(p, key, states_) : nullptr) {
+                gathered = from_bytes<PatchGather>(*kept);
+            } else {
+                Guide guide;
+                patch_guide(p, &guide);
+                looked.begin(patches_.patches.size());
+                for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
+                    const std::uint32_t l = patch_luxels_[k];
+                    const Luxel& luxel = surfaces_.luxels[l];
+                    gathered.luxels.push_back(gather(l, kernel_of(l), guide, map_of(luxel.chart), rays_[p], seed_at(luxel_centroid(luxel), stream),
+                                                     pass == Pass::last ? nullptr : &gathered.met, nullptr, nullptr, memo_ ? &looked : nullptr));
+                }
+                std::ranges::sort(gathered.met);
+                const auto same = std::ranges::unique(gathered.met);
+                gathered.met.erase(same.begin(), same.end());
+                if (memo_) kept_->gather.keep(p, key, states_, looked.parts(), to_bytes(gathered));
+            }
             double variance = 0;
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
                 const Luxel& luxel = surfaces_.luxels[l];
                 const Chart& chart = surfaces_.charts[luxel.chart.at()];
-                const HemisphereMap map = map_of(luxel.chart);
-                if (!built) patch_guide(p, &guide), built = true;
-                const LuxelKernel kernel = kernel_of(l);
-                const LuxelGather g =
-                    gather(l, kernel, guide, map, rays_[p],
-                           seed_at(luxel_centroid(luxel), pass == Pass::first ? 4 : 16 + rays_[p]),
-                           pass == Pass::last ? nullptr : &found[p]);
+                const LuxelGather& g = gathered.luxels[k - patch_luxel_first_[p]];
                 const std::size_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
                 // Inside something that the exact geometry does not know to be solid (a brush model in a wall):
                 // filled from the neighbours.
                 if (2 * (g.hits.back + (sealed_ ? g.hits.escaped : 0)) > g.hits.rays) continue;
                 counts[chunk] += g.hits;
+                const LuxelKernel kernel = kernel_of(l);
                 KernelSum sum = direct_[l];
                 sum += g.sum;
                 out_.flat[texel] = static_cast<Rgb>(sum.flat);
@@ -500,9 +535,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
             variance *= std::pow(rays_[p], 2 * kNoiseRate) / (kQuarterSpread * kQuarterSpread);
             noise_[p] = (noise_[p] * noise_weight_[p] + variance * rays_[p]) / (noise_weight_[p] + rays_[p]);
             noise_weight_[p] += rays_[p];
-            std::ranges::sort(found[p]);
-            const auto same = std::ranges::unique(found[p]);
-            found[p].erase(same.begin(), same.end());
+            found[p] = std::move(gathered.met);
         }
     });
     for (const HitCounts& c : counts) counts_ += c;

@@ -20,6 +20,7 @@ inline const std::array<Vec3, 3> kRnmBasis{Vec3{std::sqrt(2.0 / 3), 0, 1 / std::
                                            Vec3{-1 / std::sqrt(6.0), -1 / std::sqrt(2.0), 1 / std::sqrt(3.0)}};
 
 struct KernelSum {
+    static constexpr bool kRawBytes = true;
     Rgbd flat;
     std::array<Rgbd, 3> rnm{};
     KernelSum& operator+=(const KernelSum& o) {

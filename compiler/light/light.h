@@ -42,6 +42,8 @@ struct ErrorReport {                                    // percent, rRMSE of dis
     }
 };
 
+struct LightMemo; // of an earlier bake of the same geometry (memo.h): taken over where it holds, and replaced by this one's
+
 struct Lighting {
     RnmEncoding encoding = RnmEncoding::dot;
     std::vector<Patch> patches;
@@ -65,7 +67,8 @@ struct Lighting {
     }
 };
 Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
-                            const std::vector<Light>& lights, const LightOptions& options, Context& context);
+                            const std::vector<Light>& lights, const LightOptions& options, Context& context,
+                            LightMemo* memo = nullptr);
 void validate(const Lighting& lighting, const Surfaces& surfaces);
 
 } // namespace kiln

@@ -14,6 +14,11 @@ namespace kiln {
 void Bake::trace_rows() {
     const std::uint32_t m = quality_.row_rays;
     const std::size_t n = patches_.patches.size();
+    if (kept_ && kept_->traced) {
+        hits_ = std::move(kept_->hits), hit_cells_ = std::move(kept_->cells), covered_ = std::move(kept_->covered);
+        counts_ += HitCounts{kept_->counts[0], kept_->counts[1], kept_->counts[2]};
+        return;
+    }
     hits_.assign(n * m, kHitBlack);
     hit_cells_.assign(n * m, 0);
     covered_.assign(n, 0);
@@ -65,35 +70,37 @@ void Bake::trace_rows() {
             counts[chunk] += c;
         }
     });
-    for (const HitCounts& c : counts) counts_ += c;
+    HitCounts all;
+    for (const HitCounts& c : counts) all += c;
+    counts_ += all;
+    if (kept_) kept_->counts = {all.rays, all.escaped, all.back}, kept_->traced = true;
 }
 
 Bake::Rows Bake::merge_rows() const {
     const std::uint32_t m = quality_.row_rays;
     const std::size_t n = patches_.patches.size();
     std::vector<std::vector<std::uint32_t>> merged(n);
+    std::vector<std::vector<float>> weights(n);
     constexpr std::size_t kChunk = 256;
     parallel_for(context_, (n + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+        thread_local std::vector<std::uint32_t> times; // all 0 in between
+        times.resize(std::max(times.size(), n));
         for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
-            auto& row = merged[p];
             for (std::uint32_t i = 0; i < m; ++i) {
                 const std::uint32_t j = hits_[p * m + i];
-                if (is_patch(j) && max_component(patches_.patches[j].reflectance) > 0) row.push_back(j);
+                if (!is_patch(j)) continue;
+                if (times[j]++ == 0) merged[p].push_back(j);
             }
-            std::sort(row.begin(), row.end());
+            std::ranges::sort(merged[p]);
+            for (const std::uint32_t j : merged[p]) weights[p].push_back(static_cast<float>(times[j]) / static_cast<float>(m)), times[j] = 0;
         }
     });
     Rows rows;
     rows.first.reserve(n + 1);
-    for (const auto& row : merged) {
+    for (std::size_t p = 0; p < n; ++p) {
         rows.first.push_back(rows.patch.size());
-        for (std::size_t i = 0; i < row.size();) {
-            std::size_t k = i;
-            while (k < row.size() && row[k] == row[i]) ++k;
-            rows.patch.push_back(row[i]);
-            rows.weight.push_back(static_cast<float>(static_cast<double>(k - i) / m));
-            i = k;
-        }
+        rows.patch.insert(rows.patch.end(), merged[p].begin(), merged[p].end());
+        rows.weight.insert(rows.weight.end(), weights[p].begin(), weights[p].end());
     }
     rows.first.push_back(rows.patch.size());
     return rows;

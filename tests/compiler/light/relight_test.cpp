@@ -1,0 +1,133 @@
+// A bake that takes over what an earlier one of the same geometry came to gives the bytes of one that does not.
+#include "compiler/light/memo.h"
+#include "tests/compiler/light/scenes.h"
+#include <gtest/gtest.h>
+
+namespace kiln::test {
+namespace {
+
+Light point(Vec3 position, Rgb intensity) {
+    Light l;
+    l.position = position, l.intensity = intensity;
+    return l;
+}
+const std::vector<Light> kLamps{point({60, 60, 120}, {3e3f, 3e3f, 2e3f}), point({250, 60, 100}, {1e3f, 2e3f, 1e3f}), point({290, 290, 40}, {500, 100, 100})};
+const LightOptions kOptions{.error_percent = 10, .directional = Directional::all};
+
+Bytes baked(SurfacesBuilder scene, const std::vector<Light>& lights, LightMemo* memo, LightOptions options = kOptions, int threads = 1) {
+    Context context;
+    context.threads = threads;
+    auto r = bake_light(scene.world, {}, {}, scene.surfaces, lights, options, context, memo);
+    return r ? to_bytes(*r) : Bytes{};
+}
+
+// Through bytes, as from the cache.
+LightMemo stored(const LightMemo& memo) { return from_bytes<LightMemo>(to_bytes(memo)); }
+
+struct Edit {
+    const char* name;
+    std::vector<Light> lights = kLamps;
+    Rgb lamp{20, 20, 20}, wall{0.6f, 0.6f, 0.6f};
+};
+std::vector<Edit> edits() {
+    std::vector<Edit> all{{.name = "nothing"}};
+    Edit e{.name = "brighter"};
+    e.lights[1].intensity = {1e3f, 2e3f, 3e3f};
+    all.push_back(e);
+    e = {.name = "moved"}, e.lights[2].position.x -= 30;
+    all.push_back(e);
+    e = {.name = "one more"}, e.lights.insert(e.lights.begin(), point({100, 250, 100}, {400, 400, 400}));
+    all.push_back(e);
+    e = {.name = "one less"}, e.lights.erase(e.lights.begin());
+    all.push_back(e);
+    e = {.name = "none"}, e.lights.clear();
+    all.push_back(e);
+    e = {.name = "sky"}, e.lights.push_back(Light{.kind = LightKind::sky, .intensity = {1, 1, 1}});
+    all.push_back(e);
+    e = {.name = "emission"}, e.lamp = {30, 20, 20};
+    all.push_back(e);
+    e = {.name = "lamp out"}, e.lamp = {};
+    all.push_back(e);
+    e = {.name = "reflectance"}, e.wall = {0.3f, 0.6f, 0.6f};
+    all.push_back(e);
+    e = {.name = "black"}, e.wall = {};
+    all.push_back(e);
+    return all;
+}
+SurfacesBuilder scene_of(const Edit& e) {
+    SurfacesBuilder scene = two_rooms(20);
+    for (Material& m : scene.world.materials) {
+        if (m.emission.x > 0) m.emission = e.lamp;
+        else if (m.reflectance.x == 0.6f) m.reflectance = e.wall;
+    }
+    return scene;
+}
+
+TEST(Relight, SameBytesAfterEachEdit) {
+    LightMemo first;
+    const Bytes plain = baked(scene_of({}), kLamps, nullptr);
+    EXPECT_EQ(baked(scene_of({}), kLamps, &first), plain) << "a memo changes nothing";
+    const LightMemo kept = stored(first);
+    for (const Edit& e : edits())
+        for (const int threads : {1, 3}) {
+            LightMemo memo = kept;
+            EXPECT_EQ(baked(scene_of(e), e.lights, &memo, kOptions, threads), baked(scene_of(e), e.lights, nullptr)) << e.name;
+        }
+}
+
+// One edit after the other, there and back.
+TEST(Relight, ChainOfEdits) {
+    LightMemo memo;
+    for (int round = 0; round < 2; ++round)
+        for (const Edit& e : edits()) {
+            memo = stored(memo);
+            EXPECT_EQ(baked(scene_of(e), e.lights, &memo), baked(scene_of(e), e.lights, nullptr)) << e.name;
+        }
+}
+
+TEST(Relight, NothingChangedIsTakenOverWhole) {
+    LightMemo memo;
+    (void)baked(scene_of({}), kLamps, &memo);
+    EXPECT_EQ(memo.taken_over(), 0);
+    memo = stored(memo);
+    (void)baked(scene_of({}), kLamps, &memo);
+    EXPECT_EQ(memo.taken_over(), 1);
+}
+
+// What a lamp in one room changes in others fades from door to door: far away all is taken over.
+TEST(Relight, FarRoomsAreTakenOver) {
+    SurfacesBuilder scene;
+    const MaterialId grey = scene.material({0.5f, 0.5f, 0.5f});
+    constexpr int kRooms = 12;
+    std::vector<Light> lamps;
+    for (int r = 0; r < kRooms; ++r) { // doors alternate, so that no room sees beyond the next
+        const double x = 200.0 * r, left = r % 2 ? 160 : 20, right = r % 2 ? 20 : 160;
+        std::array<std::vector<Rect>, 6> holes;
+        if (r > 0) holes[0] = {Rect{left, 0, left + 20, 40}};
+        if (r + 1 < kRooms) holes[1] = {Rect{right, 0, right + 20, 40}};
+        scene.room({{x, 0, 0}, {x + 200, 200, 96}}, all(grey), {.luxel = 20}, holes);
+        lamps.push_back(point({x + 100, 100, 80}, {500, 500, 500}));
+    }
+    LightMemo memo;
+    (void)baked(scene, lamps, &memo);
+    lamps[0].intensity = {800, 500, 500};
+    memo = stored(memo);
+    EXPECT_EQ(baked(scene, lamps, &memo), baked(scene, lamps, nullptr));
+    EXPECT_GT(memo.taken_over(), 0.5);
+}
+
+// Of other options, other geometry, and of nothing that can be.
+TEST(Relight, AForeignMemoIsOfNoUse) {
+    LightMemo memo;
+    LightOptions other = kOptions;
+    other.error_percent = 20;
+    (void)baked(two_rooms(10), kLamps, &memo, other);
+    memo = stored(memo);
+    EXPECT_EQ(baked(two_rooms(20), kLamps, &memo), baked(two_rooms(20), kLamps, nullptr));
+    Bytes bytes = to_bytes(memo);
+    bytes.resize(bytes.size() / 2);
+    EXPECT_THROW((void)from_bytes<LightMemo>(bytes), ArchiveError);
+}
+
+} // namespace
+} // namespace kiln::test
