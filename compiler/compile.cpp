@@ -193,11 +193,14 @@ constexpr std::uint32_t kLightVersion = 7;
 Result<Lighting> relight(Hash shape, const LightOptions& options, const CompileRun& run, Context& context, const Compiled& out) {
     const bool keeps = run.store && run.store->enabled();
     LightMemo memo;
+    const auto rows_key = [](Hash table) { return all(std::string("form factors"), kLightVersion, table); };
+    memo.load_rows = [&](Hash table) { return run.store->load(rows_key(table)); };
+    memo.save_rows = [&](Hash table, Bytes rows) { (void)run.store->save(rows_key(table), rows); };
     if (keeps)
         if (const auto bytes = run.store->load(shape)) try {
-                memo = from_bytes<LightMemo>(*bytes);
-            } catch (const ArchiveError&) {
-                memo = {};
+                ByteReader r(*bytes);
+                r(memo);
+            } catch (const ArchiveError&) { // of another version: the bake takes nothing over
             }
     auto lighting = bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, keeps ? &memo : nullptr);
     if (keeps && lighting) (void)run.store->save(shape, to_bytes(memo)); // not kept: the next bake takes nothing over

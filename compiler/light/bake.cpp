@@ -308,7 +308,7 @@ std::vector<Vec3> Bake::places_of(const PatchTable& table) {
 // The level below which errors are not relative any more, in coarse steps: it is a matter of taste, and a lamp more somewhere must
 // not decide anew everywhere.
 double Bake::error_floor(double mean_irradiance) const {
-    return mean_irradiance > 0 ? std::exp2(std::round(4 * std::log2(options_.error_floor * mean_irradiance)) / 4) : 0;
+    return mean_irradiance > 0 ? std::exp2(std::round(std::log2(options_.error_floor * mean_irradiance))) : 0;
 }
 
 // A lamp changed in one room changes the last digits of the light of every other. Rounded, up or down by the place, so that means do not
@@ -444,7 +444,7 @@ Lighting Bake::run() {
         wanted *= std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
         check = gather();
     }
-    stow_rows();
+    if (memo_) memo_->direct.end(), memo_->gather.end(), memo_->pilot.end();
     fill();
     match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
 

@@ -110,11 +110,12 @@ private:
     void quantise(std::vector<Rgbd>* rest, const std::vector<Vec3>& places) const;
     // relight.cpp
     void open_memo();
-    void stow_rows();
+    bool load_rows();
     void note_solution();
     void note_lists();
     void note_states();
-    std::uint64_t direct_key(std::uint32_t patch, std::uint64_t pass) const;
+    std::uint64_t hash_of_ref(const LightRef& ref) const;
+    void luxel_direct_of(std::uint32_t patch, std::uint64_t pass, std::vector<std::uint8_t>* divided, std::uint64_t* rays);
     std::uint64_t gather_key(std::uint32_t patch) const;
     // rows.cpp
     void trace_rows();
@@ -126,9 +127,9 @@ private:
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
     std::uint64_t stream_of(const LightRef& ref) const;
-    void direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
+    void direct_at(std::span<const LightRef> refs, const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
                    const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays, double* variance, // += of the mean, from its places
-                   std::vector<std::uint8_t>* divided) const; // set for lights that the test rays were wrong about
+                   std::vector<std::uint8_t>* divided) const; // set for lights that the test rays were wrong about; `refs`: of lists_[patch]
     double threshold(std::uint32_t patch,
                      std::uint32_t emitter) const; // form factor from which on it is worth rays
     bool looks_many_ways(std::uint32_t patch) const;
@@ -213,12 +214,14 @@ private:
     std::vector<std::uint32_t> rays_;          // per patch: gathered rays of its luxels
     std::vector<double> noise_, noise_weight_; // per patch: relative variance of a single ray, as passes showed it
     // With a memo: that of the patches as they are, what every key begins with, and what a place's light is a function of.
-    std::vector<PatchMemo> known_;
-    PatchMemo* kept_ = nullptr;
-    std::uint64_t geometry_ = 0, base_ = 0;                             // base_: with the sky
+    Hash table_;
+    std::uint64_t geometry_ = 0, base_ = 0, pilots_ = 0;                // base_: with the sky
     std::vector<std::uint64_t> light_ids_;                              // per entity: of all that makes its light
     std::vector<std::uint64_t> reflects_, reflects_coarse_, guides_;    // per patch, from the last solution
-    std::vector<std::uint64_t> lists_hash_, states_, states_coarse_;    // and from the lists as they are
+    std::vector<std::uint64_t> emitters_hash_;                          // of the emitters in its list
+    // Of what rays may read there, kLookedAt times all patches: what it reflects; which emitters are in its list; its list.
+    static constexpr std::uint32_t kLookedAt = 3;
+    std::vector<std::uint64_t> states_, states_coarse_;
     HitCounts counts_;
     std::atomic<std::uint64_t> shadow_rays_{0};
     Lighting out_;

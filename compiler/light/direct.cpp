@@ -14,12 +14,18 @@ constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a li
 double square(double x) {
     return x * x;
 }
-struct PatchDirect { // what a memo keeps of the luxels of a patch
-    std::vector<KernelSum> sums;
-    std::vector<float> variances;
+// What a memo keeps of the luxels of a patch, light by light; of a light that no luxel has anything of: nothing.
+struct LuxelDirect {
+    static constexpr bool kRawBytes = true;
+    KernelSum sum;
+    double variance = 0;
+};
+struct PatchDirect {
+    std::vector<std::uint64_t> refs;
+    std::vector<std::vector<LuxelDirect>> luxels;
     std::vector<std::uint8_t> divided;
-    std::uint64_t rays = 0;
-    template <class A> void fields(A& a) { a(sums, variances, divided, rays); }
+    std::vector<std::uint64_t> rays;
+    template <class A> void fields(A& a) { a(refs, luxels, divided, rays); }
 };
 } // namespace
 
@@ -262,10 +268,10 @@ std::uint64_t Bake::stream_of(const LightRef& ref) const {
 }
 
 // Explicit light averaged over a footprint. Places and points on the light share one sequence.
-void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
+void Bake::direct_at(std::span<const LightRef> refs, const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
                      const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays, double* variance, std::vector<std::uint8_t>* divided) const {
     using Point = Footprint::Point;
-    for (const LightRef& ref : lists_[patch]) {
+    for (const LightRef& ref : refs) {
         const Sobol points(mix(seed, stream_of(ref)));
         const auto lifted = [&](Point p) { return Point{p.position + p.normal * scene_.push_off(), p.normal}; };
         const auto place = [&](std::uint32_t index) { return lifted(footprint.sample(points.pair(index, 0))); };
@@ -379,6 +385,52 @@ void Bake::direct_at(const Footprint& footprint, std::uint32_t patch, std::uint6
     }
 }
 
+// A light's part in a luxel depends on no other light: the memo has them one by one.
+void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std::uint8_t>* divided, std::uint64_t* rays) {
+    const std::span<const std::uint32_t> luxels = std::span(patch_luxels_).subspan(patch_luxel_first_[p], patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+    const std::vector<LightRef>& list = lists_[p];
+    std::vector<double> variances(luxels.size());
+    for (const std::uint32_t l : luxels) direct_[l] = {};
+    const std::uint64_t key = memo_ ? mix(base_, table_.low, p, effort_[p], pass) : 0;
+    PatchDirect kept, now;
+    if (const Bytes* bytes = memo_ && !luxels.empty() ? memo_->direct.find(key, {}) : nullptr) kept = from_bytes<PatchDirect>(*bytes);
+    std::vector<std::size_t> found(list.size(), SIZE_MAX); // in `kept`
+    bool all_found = kept.refs.size() == list.size();
+    for (std::size_t r = 0; memo_ && r < list.size(); ++r) {
+        now.refs.push_back(hash_of_ref(list[r]));
+        const auto at = std::ranges::find(kept.refs, now.refs[r]);
+        if (at != kept.refs.end()) found[r] = static_cast<std::size_t>(at - kept.refs.begin());
+        all_found = all_found && found[r] == r;
+    }
+    std::vector<Footprint> footprints; // made when they are asked for
+    std::vector<LuxelKernel> kernels;
+    const std::size_t n = luxels.size();
+    now.luxels.resize(list.size());
+    now.divided.resize(list.size()), now.rays.resize(list.size());
+    for (std::size_t r = 0; r < list.size(); ++r) {
+        std::vector<LuxelDirect>& part = now.luxels[r];
+        if (found[r] != SIZE_MAX) {
+            part = std::move(kept.luxels[found[r]]);
+            now.divided[r] = kept.divided[found[r]], now.rays[r] = kept.rays[found[r]];
+        } else {
+            for (std::size_t i = footprints.size(); i < n; ++i) footprints.push_back(footprint_of_luxel(luxels[i])), kernels.push_back(kernel_of(luxels[i]));
+            part.resize(n);
+            bool dark = true;
+            for (std::size_t i = 0; i < n; ++i) {
+                if (footprints[i].empty()) continue;
+                direct_at({&list[r], 1}, footprints[i], p, seed_at(luxel_centroid(surfaces_.luxels[luxels[i]]), pass), kernels[i], &part[i].sum, &now.rays[r], &part[i].variance, divided);
+                dark = dark && part[i].sum.flat == Rgbd{} && part[i].sum.rnm == std::array<Rgbd, 3>{} && part[i].variance == 0;
+            }
+            now.divided[r] = (*divided)[r];
+            if (dark) part.clear();
+        }
+        for (std::size_t i = 0; i < part.size(); ++i) direct_[luxels[i]] += part[i].sum, variances[i] += part[i].variance;
+        (*divided)[r] = now.divided[r], *rays += now.rays[r];
+    }
+    for (std::size_t i = 0; i < n; ++i) direct_variance_[luxels[i]] = static_cast<float>(variances[i]);
+    if (memo_ && n && !all_found) memo_->direct.keep(key, {}, {}, to_bytes(now));
+}
+
 // Which lights were found to be in full view of some luxels of a patch only, though its test rays had agreed: per patch and place in its list.
 std::vector<std::vector<std::uint8_t>> Bake::luxel_direct(std::span<const std::uint32_t> patches) {
     direct_.resize(surfaces_.luxels.size());
@@ -387,39 +439,14 @@ std::vector<std::vector<std::uint8_t>> Bake::luxel_direct(std::span<const std::u
     // Other points each time: that a place was found noisy must not be part of its value.
     const std::uint64_t pass = 1024 + direct_passes_++;
     constexpr std::size_t kChunk = 16;
-    if (memo_) note_lists();
     parallel_for(context_, "light: direct", (patches.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
-        std::uint64_t all_rays = 0;
+        std::uint64_t rays = 0;
         for (const std::uint32_t p :
              patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
-            const std::uint32_t first = patch_luxel_first_[p], end = patch_luxel_first_[p + 1];
-            const std::uint64_t key = memo_ ? direct_key(p, pass) : 0;
-            if (const Bytes* kept = memo_ ? kept_->direct.find(p, key, {}) : nullptr) {
-                PatchDirect d = from_bytes<PatchDirect>(*kept);
-                for (std::uint32_t k = first; k < end; ++k) direct_[patch_luxels_[k]] = d.sums[k - first], direct_variance_[patch_luxels_[k]] = d.variances[k - first];
-                divided[p] = std::move(d.divided), all_rays += d.rays;
-                continue;
-            }
-            std::uint64_t rays = 0;
             divided[p].resize(lists_[p].size());
-            for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-                const std::uint32_t l = patch_luxels_[k];
-                direct_[l] = {}, direct_variance_[l] = 0;
-                const Footprint footprint = footprint_of_luxel(l);
-                if (footprint.empty()) continue;
-                double variance = 0;
-                direct_at(footprint, p, seed_at(luxel_centroid(surfaces_.luxels[l]), pass), kernel_of(l), &direct_[l], &rays, &variance, &divided[p]);
-                direct_variance_[l] = static_cast<float>(variance);
-            }
-            if (memo_ && first != end) {
-                PatchDirect d;
-                for (std::uint32_t k = first; k < end; ++k) d.sums.push_back(direct_[patch_luxels_[k]]), d.variances.push_back(direct_variance_[patch_luxels_[k]]);
-                d.divided = divided[p], d.rays = rays;
-                kept_->direct.keep(p, key, {}, {}, to_bytes(d));
-            }
-            all_rays += rays;
+            luxel_direct_of(p, pass, &divided[p], &rays);
         }
-        shadow_rays_ += all_rays;
+        shadow_rays_ += rays;
     });
     return divided;
 }
@@ -507,7 +534,7 @@ std::vector<Rgbd> Bake::patch_direct() {
         std::uint64_t rays = 0;
         for (std::uint64_t t = 0; t < kTimes; ++t) {
             KernelSum sum;
-            direct_at(footprint, p, seed_at(patch.centroid, 16 + t), kernel, &sum, &rays, nullptr, nullptr);
+            direct_at(lists_[p], footprint, p, seed_at(patch.centroid, 16 + t), kernel, &sum, &rays, nullptr, nullptr);
             out[p] += sum.flat * (1.0 / kTimes);
         }
         shadow_rays_ += rays;

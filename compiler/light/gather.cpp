@@ -175,7 +175,9 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
         if (hit.distance < kNearLuxels * chart.luxel_size) {
             const std::uint32_t texel = index_.texel_at(hit.face, hit.position), patch = patches_.texel_patch[texel];
             if (patch < kMixedPatch) {
-                if (looked) looked->at(patch);
+                const auto all = static_cast<std::uint32_t>(patches_.patches.size());
+                if (looked) looked->at(patch), looked->at(all + patch);
+                if (looked && light.steep[texel]) looked->at(2 * all + patch);
                 const Vec3 n = dot(face.normal, came) < 0 ? face.normal : -face.normal;
                 const double u = random(), v = random();
                 const Vec3 way = frame_around(n).world(cosine_hemisphere({u, v}));
@@ -268,7 +270,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
                 emitted = emitters_.emitters[emitter].radiance;
             radiance += emitted;
             if (coarse)
-                kernel.add(*coarse_sum, k, (reflected_at(*found[i], directions[i], same, *coarse, nullptr, 0) + emitted) * (weights[i] / rays));
+                kernel.add(*coarse_sum, k, (reflected_at(*found[i], directions[i], same, *coarse, looked, 0) + emitted) * (weights[i] / rays));
         }
         const double w = weights[i];
         kernel.add(quarter[i * 4 / rays], k, radiance * w);
@@ -366,16 +368,17 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             const Luxel& luxel = surfaces_.luxels[l];
             const Chart& chart = surfaces_.charts[luxel.chart.at()];
             const HemisphereMap map = map_of(luxel.chart);
-            const std::uint64_t key = memo_ ? mix(gather_key(luxel_patch_[l]), effort_[luxel_patch_[l]], std::uint64_t{i % 4 == 0}) : 0;
-            if (const Bytes* kept = memo_ ? kept_->pilot.find(l, key, states_coarse_) : nullptr) {
+            const std::uint64_t key = memo_ ? mix(gather_key(luxel_patch_[l]), effort_[luxel_patch_[l]], std::uint64_t{i % 4 == 0}, l, pilots_) : 0;
+            if (const Bytes* kept = memo_ ? memo_->pilot.find(key, states_coarse_) : nullptr) {
                 results[i] = from_bytes<PilotLuxel>(*kept);
                 continue;
             }
-            looked.begin(patches_.patches.size());
+            looked.begin(kLookedAt * patches_.patches.size());
+            looked.at(2 * static_cast<std::uint32_t>(patches_.patches.size()) + luxel_patch_[l]); // direct light, too
             const struct Keep { // however this one ends
                 std::function<void()> at_end;
                 ~Keep() { at_end(); }
-            } keep{[&] { if (memo_) kept_->pilot.keep(l, key, states_coarse_, looked.parts(), to_bytes(results[i])); }};
+            } keep{[&] { if (memo_) memo_->pilot.keep(key, states_coarse_, looked.parts(), to_bytes(results[i])); }};
             patch_guide(luxel_patch_[l], &guide);
             const Footprint footprint = footprint_of_luxel(l);
             const LuxelKernel kernel = kernel_of(l);
@@ -387,7 +390,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
                 KernelSum coarse, direct;
                 KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse, memo_ ? &looked : nullptr).sum;
                 std::uint64_t shadow = 0;
-                direct_at(footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
+                direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
                 fine += direct, coarse += direct;
                 result.value[r] = kernel.shown(fine), result.direct[r] = kernel.shown(direct);
                 const std::array<Rgbd, 4> other = kernel.shown(coarse);
@@ -402,7 +405,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             const auto light = [&](const LuxelKernel& k) {
                 KernelSum arriving = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr, nullptr, nullptr, memo_ ? &looked : nullptr).sum;
                 std::uint64_t shadow = 0;
-                direct_at(footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &arriving, &shadow, nullptr, nullptr);
+                direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &arriving, &shadow, nullptr, nullptr);
                 return arriving;
             };
             const KernelSum base = light(kernel);
@@ -421,6 +424,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
             }
         }
     });
+    ++pilots_;
     PilotResult out;
     const auto spread = [](const auto& values, std::size_t normal, std::size_t c) {
         double m = 0, s = 0;
@@ -486,12 +490,12 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
             const std::uint64_t stream = pass == Pass::first ? 4 : 16 + rays_[p];
             const std::uint64_t key = memo_ ? mix(gather_key(p), stream, static_cast<std::uint64_t>(pass == Pass::last)) : 0;
             PatchGather gathered;
-            if (const Bytes* kept = memo_ ? kept_->gather.find(p, key, states_) : nullptr) {
+            if (const Bytes* kept = memo_ ? memo_->gather.find(key, states_) : nullptr) {
                 gathered = from_bytes<PatchGather>(*kept);
             } else {
                 Guide guide;
                 patch_guide(p, &guide);
-                looked.begin(patches_.patches.size());
+                looked.begin(kLookedAt * patches_.patches.size());
                 for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                     const std::uint32_t l = patch_luxels_[k];
                     const Luxel& luxel = surfaces_.luxels[l];
@@ -501,7 +505,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 std::ranges::sort(gathered.met);
                 const auto same = std::ranges::unique(gathered.met);
                 gathered.met.erase(same.begin(), same.end());
-                if (memo_) kept_->gather.keep(p, key, states_, looked.parts(), to_bytes(gathered));
+                if (memo_) memo_->gather.keep(key, states_, looked.parts(), to_bytes(gathered));
             }
             double variance = 0;
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {

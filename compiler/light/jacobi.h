@@ -12,14 +12,14 @@ namespace kiln {
 struct Bounces {
     std::vector<Rgbd> irradiance;
     std::uint32_t sweeps = 0; // before the last
-    double residual = 0;      // bound on the error of the result, residual / (1 - rho_max), as a share of its largest value
+    double residual = 0;      // bound on the error of the result, residual / (1 - rho_max), as a share of its mean value
 };
-// Sweeps until that bound is at most `share`, or values pass `give_up`: rows may sum to more than 1 / rho and never settle.
+// Eight sweeps at a time, so that a lamp more or less hardly ever changes their number and with it the last digits everywhere, until that bound is at most `share`, or values pass `give_up`: rows may sum to more than 1 / rho and never settle.
 // add_row(p, b, sum): adds the factors of row p times b to `sum`.
 template <class AddRow>
 Bounces solve_bounces(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho, double share, Context& context, const AddRow& add_row,
                       double give_up = std::numeric_limits<double>::infinity()) {
-    constexpr std::uint32_t kMostSweeps = 5000;
+    constexpr std::uint32_t kMostSweeps = 5000, kAtOnce = 8;
     constexpr std::size_t kChunk = 256;
     const std::size_t n = direct.size(), chunks = (n + kChunk - 1) / kChunk;
     double rho_max = 0;
@@ -28,25 +28,25 @@ Bounces solve_bounces(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& 
     std::vector<Rgbd>& h = out.irradiance;
     h = direct;
     std::vector<Rgbd> next(n), b(n);
-    std::vector<double> change(chunks), largest(chunks);
+    std::vector<double> change(chunks), total(chunks);
     for (; out.sweeps < kMostSweeps; ++out.sweeps) {
         for (std::size_t p = 0; p < n; ++p) b[p] = rho[p] * h[p];
         parallel_for(context, chunks, [&](std::size_t chunk) {
-            change[chunk] = largest[chunk] = 0;
+            change[chunk] = total[chunk] = 0;
             for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
                 Rgbd sum = direct[p];
                 add_row(p, b, sum);
                 const Rgbd d = sum - h[p];
                 change[chunk] = std::max({change[chunk], std::abs(d.x), std::abs(d.y), std::abs(d.z)});
-                largest[chunk] = std::max(largest[chunk], max_component(sum));
+                total[chunk] += max_component(sum);
                 next[p] = sum;
             }
         });
         std::swap(h, next);
         double r = 0, top = 0;
-        for (std::size_t c = 0; c < chunks; ++c) r = std::max(r, change[c]), top = std::max(top, largest[c]);
+        for (std::size_t c = 0; c < chunks; ++c) r = std::max(r, change[c]), top += total[c] / static_cast<double>(n);
         out.residual = top > 0 ? r * rho_max / (1 - rho_max) / top : 0;
-        if (out.residual <= share || !(top < give_up)) break;
+        if ((out.sweeps % kAtOnce == kAtOnce - 1 && out.residual <= share) || !(top < give_up)) break;
     }
     return out;
 }

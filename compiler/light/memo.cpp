@@ -45,43 +45,49 @@ bool seen_of(const Bytes& parts, const std::vector<std::uint64_t>& states, std::
 
 } // namespace
 
-void StepMemo::begin(std::size_t items) {
-    was_ = std::move(now_);
-    if (was_.size() != items) was_.clear();
-    now_.clear(), now_.resize(items);
+void Memo::begin() {
+    for (Shard& s : shards_) s.was = std::move(s.now), s.now.clear();
+}
+void Memo::end() {
+    for (Shard& s : shards_) s.was.clear();
 }
 
-const Bytes* StepMemo::find(std::size_t item, std::uint64_t key, const std::vector<std::uint64_t>& states) {
-    if (was_.empty()) return nullptr;
-    for (Entry& e : was_[item]) {
-        std::uint64_t seen = 0;
-        if (e.key != key || !seen_of(e.parts, states, &seen) || seen != e.seen) continue;
-        now_[item].push_back(e);
-        now_[item].back().found = true;
-        return &now_[item].back().value;
-    }
-    return nullptr;
+const Bytes* Memo::find(std::uint64_t key, const std::vector<std::uint64_t>& states) {
+    Shard& s = shard(key);
+    const std::lock_guard lock(s.mutex);
+    std::uint64_t seen = 0;
+    if (const auto again = s.now.find(key); again != s.now.end())
+        return seen_of(again->second.parts, states, &seen) && seen == again->second.seen ? &again->second.value : nullptr;
+    const auto at = s.was.find(key);
+    if (at == s.was.end() || !seen_of(at->second.parts, states, &seen) || seen != at->second.seen) return nullptr;
+    Entry& e = s.now.emplace(key, std::move(at->second)).first->second;
+    s.was.erase(at);
+    e.found = true;
+    return &e.value;
 }
 
-void StepMemo::keep(std::size_t item, std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, Bytes value) {
-    Entry e{key, 0, packed(parts), std::move(value)};
-    if (seen_of(e.parts, states, &e.seen)) now_[item].push_back(std::move(e));
+void Memo::keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, Bytes value) {
+    Entry e{0, packed(parts), std::move(value)};
+    if (!seen_of(e.parts, states, &e.seen)) return;
+    Shard& s = shard(key);
+    const std::lock_guard lock(s.mutex);
+    s.now.insert_or_assign(key, std::move(e));
 }
 
-std::array<std::size_t, 2> StepMemo::taken_over() const {
-    std::array<std::size_t, 2> out{};
-    for (const auto& entries : now_)
-        for (const Entry& e : entries) out[0] += e.found, ++out[1];
-    return out;
+std::size_t Memo::found() const {
+    std::size_t n = 0;
+    for (const Shard& s : shards_)
+        for (const auto& [key, e] : s.now) n += e.found;
+    return n;
+}
+std::size_t Memo::size() const {
+    std::size_t n = 0;
+    for (const Shard& s : shards_) n += s.now.size();
+    return n;
 }
 
 double LightMemo::taken_over() const {
-    std::array<std::size_t, 2> sum{};
-    for (const PatchMemo& t : tables) {
-        const auto [found, all] = t.gather.taken_over();
-        sum[0] += found, sum[1] += all;
-    }
-    return sum[1] ? static_cast<double>(sum[0]) / static_cast<double>(sum[1]) : 0;
+    return gather.size() ? static_cast<double>(gather.found()) / static_cast<double>(gather.size()) : 0;
 }
 
 } // namespace kiln

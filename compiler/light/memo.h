@@ -1,12 +1,15 @@
-// What a bake came to, place by place, and what each place depended on. A later bake of the same geometry takes over what would
-// come out the same, bit by bit, and does the rest anew; lights, emission and reflectance may differ.
+// What an earlier bake of the same geometry came to, place by place, and what each place depended on. What would come out the same,
+// bit by bit, is taken over, the rest done anew; lights, emission and reflectance may differ.
 #pragma once
 #include "libs/core/hash.h"
+#include <functional>
+#include <mutex>
+#include <unordered_map>
 #include <vector>
 
 namespace kiln {
 
-// What a computation looked at: parts (patches), each once.
+// What a computation looked at: parts of a whole, each once.
 class Looked {
 public:
     void begin(std::size_t parts) {
@@ -23,50 +26,64 @@ private:
     std::uint32_t now_ = 0;
 };
 
-// Results of a step that is done item by item. Items may be asked for and kept in parallel, each by one thread at a time.
-class StepMemo {
+// Results under a key that stands for everything they are made from but the parts looked at. Any number of threads.
+class Memo {
 public:
-    // What the last run kept is looked up from now on; only what this one asks for or keeps is kept again.
-    void begin(std::size_t items);
-    // The value kept for an item, if it was made from `key` and from parts whose states were what they are; null: there is none.
-    const Bytes* find(std::size_t item, std::uint64_t key, const std::vector<std::uint64_t>& states);
-    void keep(std::size_t item, std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, Bytes value);
-    void end() { was_.clear(); }
-    std::array<std::size_t, 2> taken_over() const; // entries found; of those there are
-    template <class A> void fields(A& a) { a(now_); }
+    // What the last run kept is looked up from now on; only what this one finds or keeps is kept again.
+    void begin();
+    // The value under `key`, if the parts it was made from have the states that they had then; null: there is none.
+    // Valid until the next begin().
+    const Bytes* find(std::uint64_t key, const std::vector<std::uint64_t>& states);
+    void keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, Bytes value);
+    void end(); // forgets what was not asked for
+    std::size_t found() const; // entries of the last run that this one has
+    std::size_t size() const;
+    template <class A> void fields(A& a) {
+        std::vector<std::pair<std::uint64_t, Entry>> all;
+        for (Shard& s : shards_)
+            for (auto& [key, entry] : s.now) all.emplace_back(key, std::move(entry));
+        for (Shard& s : shards_) s.now.clear();
+        a(all);
+        for (auto& [key, entry] : all) shard(key).now.emplace(key, std::move(entry));
+    }
 
 private:
     struct Entry {
-        std::uint64_t key = 0, seen = 0;
+        std::uint64_t seen = 0;
         Bytes parts, value; // parts: differences, a few bits a byte
         bool found = false;
-        template <class A> void fields(A& a) { a(key, seen, parts, value); }
+        template <class A> void fields(A& a) { a(seen, parts, value); }
     };
-    std::vector<std::vector<Entry>> was_, now_;
+    struct Shard {
+        std::mutex mutex;
+        std::unordered_map<std::uint64_t, Entry> was, now;
+        Shard() = default;
+        Shard(const Shard& o) : was(o.was), now(o.now) {}
+        Shard& operator=(const Shard& o) {
+            was = o.was, now = o.now;
+            return *this;
+        }
+    };
+    Shard& shard(std::uint64_t key) { return shards_[key % shards_.size()]; }
+    std::vector<Shard> shards_ = std::vector<Shard>(64);
 };
 
-// Of one table of patches.
-struct PatchMemo {
-    Hash table; // the patches, and how many rays each has
-    bool traced = false;
+// Form-factor rows depend on geometry alone and are most of what a bake keeps: each table of patches lies in the store by itself,
+// under a hash of it.
+struct RowsMemo {
     std::vector<std::uint32_t> hits; // Bake::hits_ and what belongs to it
     std::vector<std::uint8_t> cells, covered;
     std::array<std::uint64_t, 3> counts{};
-    StepMemo lights, direct, gather, pilot;
-    template <class A> void fields(A& a) { a(table, traced, hits, cells, covered, counts, lights, direct, gather, pilot); }
+    template <class A> void fields(A& a) { a(hits, cells, covered, counts); }
 };
 
 struct LightMemo {
-    std::vector<PatchMemo> tables; // in the order of their use
-    double taken_over() const;     // share of what the last bake gathered, 0..1
-    template <class A> void fields(A& a) { a(tables); }
+    Memo direct, gather, pilot; // of all tables of patches
+    // Where rows are found and left; absent: they are traced.
+    std::function<std::optional<Bytes>(Hash table)> load_rows;
+    std::function<void(Hash table, Bytes rows)> save_rows;
+    double taken_over() const; // share of what the last bake gathered, 0..1
+    template <class A> void fields(A& a) { a(direct, gather, pilot); }
 };
-
-// Of things that are bytes and nothing else.
-template <class... T> std::uint64_t hash64(const T&... values) {
-    ByteWriter w;
-    w(values...);
-    return hash_bytes(w.bytes).low;
-}
 
 } // namespace kiln

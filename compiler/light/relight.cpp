@@ -11,16 +11,14 @@ namespace {
 // Not the entity's number in the file, which lights nothing.
 std::uint64_t light_id(Light light) {
     light.entity = {};
-    return hash64(light);
+    return hash_of(light).low;
 }
 } // namespace
 
-// Before the rows of new patches: those that an earlier bake had, if it had them.
+// Before the rows of new patches.
 void Bake::open_memo() {
-    stow_rows();
     if (base_ == 0) { // the first
-        known_ = std::move(memo_->tables);
-        memo_->tables.clear();
+        memo_->direct.begin(), memo_->gather.begin(), memo_->pilot.begin();
         for (const Light& l : lights_) light_ids_.push_back(light_id(l));
         ByteWriter w;
         w(options_, sealed_, scene_.instruction_set(), emitters_.of_face);
@@ -32,24 +30,23 @@ void Bake::open_memo() {
     ByteWriter w;
     w(quality_.row_rays, geometry_);
     for (const Patch& p : patches_.patches) w(p.face, p.centroid, p.area, max_component(p.reflectance) > 0);
-    const Hash table = hash_bytes(w.bytes);
-    PatchMemo memo;
-    for (PatchMemo& k : known_)
-        if (k.table == table) memo = std::move(k), k.table = {};
-    memo.table = table;
-    const std::size_t n = patches_.patches.size();
-    if (memo.hits.size() != n * quality_.row_rays || memo.cells.size() != memo.hits.size() || memo.covered.size() != n) memo.traced = false;
-    memo.lights.begin(n), memo.direct.begin(n), memo.gather.begin(n), memo.pilot.begin(surfaces_.luxels.size());
-    memo_->tables.push_back(std::move(memo));
-    kept_ = &memo_->tables.back();
+    table_ = hash_bytes(w.bytes);
 }
 
-// Rows lie with the memo while they are not in use: they are most of it.
-void Bake::stow_rows() {
-    if (!kept_) return;
-    kept_->hits = std::move(hits_), kept_->cells = std::move(hit_cells_), kept_->covered = std::move(covered_);
-    kept_->lights.end(), kept_->direct.end(), kept_->gather.end(), kept_->pilot.end();
-    kept_ = nullptr;
+bool Bake::load_rows() {
+    if (!memo_ || !memo_->load_rows) return false;
+    const std::optional<Bytes> bytes = memo_->load_rows(table_);
+    if (!bytes) return false;
+    try {
+        RowsMemo rows = from_bytes<RowsMemo>(*bytes);
+        const std::size_t n = patches_.patches.size();
+        if (rows.hits.size() != n * quality_.row_rays || rows.cells.size() != rows.hits.size() || rows.covered.size() != n) return false;
+        hits_ = std::move(rows.hits), hit_cells_ = std::move(rows.cells), covered_ = std::move(rows.covered);
+        counts_ += HitCounts{rows.counts[0], rows.counts[1], rows.counts[2]};
+        return true;
+    } catch (const ArchiveError&) {
+        return false;
+    }
 }
 
 // After a solution: of all that a ray may read at a patch, and of what the guides of others have from it.
@@ -92,40 +89,37 @@ void Bake::note_solution() {
     });
 }
 
+std::uint64_t Bake::hash_of_ref(const LightRef& r) const {
+    const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
+    const std::uint64_t flags = static_cast<std::uint64_t>(r.is_emitter) | std::uint64_t{r.penumbra} << 1 | std::uint64_t{r.hidden} << 2 | std::uint64_t{r.samples} << 8;
+    if (!r.is_emitter) return mix(flags, light_ids_[r.light]);
+    const Rgbd radiance = emitters_.emitters[r.light].radiance;
+    return mix(flags, r.light, bits(radiance.x), bits(radiance.y), bits(radiance.z));
+}
+
 // Before a step: lists change between them.
-void Bake::note_lists() {
-    const std::size_t n = patches_.patches.size();
-    lists_hash_.resize(n);
-    for (std::uint32_t p = 0; p < n; ++p) {
-        std::uint64_t h = lists_[p].size();
-        for (const LightRef& r : lists_[p]) {
-            const std::uint64_t what = r.is_emitter ? mix(r.light, std::bit_cast<std::uint64_t>(emitters_.emitters[r.light].radiance.x), std::bit_cast<std::uint64_t>(emitters_.emitters[r.light].radiance.y), std::bit_cast<std::uint64_t>(emitters_.emitters[r.light].radiance.z))
-                                                    : light_ids_[r.light];
-            h = mix(h, what, static_cast<std::uint64_t>(r.is_emitter) | r.penumbra << 1 | r.hidden << 2 | std::uint64_t{r.samples} << 8);
-        }
-        lists_hash_[p] = h;
-    }
-}
-
 void Bake::note_states() {
-    note_lists();
     const std::size_t n = patches_.patches.size();
-    states_.resize(n), states_coarse_.resize(n);
+    emitters_hash_.assign(n, 0), states_.resize(kLookedAt * n), states_coarse_.resize(kLookedAt * n);
     for (std::size_t p = 0; p < n; ++p) {
-        states_[p] = mix(reflects_[p], lists_hash_[p]);
-        states_coarse_[p] = mix(states_[p], reflects_coarse_[p]);
+        std::uint64_t all = 0;
+        for (const LightRef& r : lists_[p]) {
+            const std::uint64_t h = hash_of_ref(r);
+            all = mix(all, h);
+            if (r.is_emitter) emitters_hash_[p] = mix(emitters_hash_[p], h);
+        }
+        states_[p] = reflects_[p], states_coarse_[p] = mix(reflects_[p], reflects_coarse_[p]);
+        states_[n + p] = states_coarse_[n + p] = emitters_hash_[p];
+        states_[2 * n + p] = states_coarse_[2 * n + p] = all;
     }
-}
-
-std::uint64_t Bake::direct_key(std::uint32_t p, std::uint64_t pass) const {
-    return mix(base_, lists_hash_[p], effort_[p], pass);
 }
 
 // What decides where rays go: their number, the guide of the patch, which emitters have rays of their own, and what is worth some.
 std::uint64_t Bake::gather_key(std::uint32_t p) const {
+    const std::uint64_t worth = emitters_.emitters.empty() ? 0 : mix(std::bit_cast<std::uint64_t>(estimate_[p]), std::bit_cast<std::uint64_t>(std::max(estimate_[p], floor_)));
     std::uint64_t guide = guides_[p];
     for (const std::uint32_t q : neighbours_[p]) guide = mix(guide, guides_[q]);
-    return mix(base_, lists_hash_[p], rays_[p], guide, std::bit_cast<std::uint64_t>(estimate_[p]), std::bit_cast<std::uint64_t>(floor_));
+    return mix(base_, table_.low, p, emitters_hash_[p], rays_[p], guide, worth);
 }
 
 } // namespace kiln

@@ -14,11 +14,7 @@ namespace kiln {
 void Bake::trace_rows() {
     const std::uint32_t m = quality_.row_rays;
     const std::size_t n = patches_.patches.size();
-    if (kept_ && kept_->traced) {
-        hits_ = std::move(kept_->hits), hit_cells_ = std::move(kept_->cells), covered_ = std::move(kept_->covered);
-        counts_ += HitCounts{kept_->counts[0], kept_->counts[1], kept_->counts[2]};
-        return;
-    }
+    if (load_rows()) return;
     hits_.assign(n * m, kHitBlack);
     hit_cells_.assign(n * m, 0);
     covered_.assign(n, 0);
@@ -73,7 +69,7 @@ void Bake::trace_rows() {
     HitCounts all;
     for (const HitCounts& c : counts) all += c;
     counts_ += all;
-    if (kept_) kept_->counts = {all.rays, all.escaped, all.back}, kept_->traced = true;
+    if (memo_ && memo_->save_rows) memo_->save_rows(table_, to_bytes(RowsMemo{hits_, hit_cells_, covered_, {all.rays, all.escaped, all.back}}));
 }
 
 Bake::Rows Bake::merge_rows() const {
