@@ -188,23 +188,26 @@ Result<Visibility> see(Hash key, const VisibilityOptions& options, const Compile
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 7;
-// The light stage, with what an earlier bake of the same surfaces came to where it comes to the same.
+constexpr std::uint32_t kLightVersion = 7, kAmbientVersion = 5, kDensityVersion = 2;
+// A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
+template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
+    if (!run.store || !run.store->enabled()) return make(nullptr);
+    if (const auto bytes = run.store->load(place)) try {
+            ByteReader r(*bytes);
+            r(memo);
+        } catch (const ArchiveError&) { // as good as absent
+        }
+    Result<T> made = make(&memo);
+    if (made) (void)run.store->save(place, to_bytes(memo)); // not kept: the next run takes nothing over
+    return made;
+}
 Result<Lighting> relight(Hash shape, const LightOptions& options, const CompileRun& run, Context& context, const Compiled& out) {
-    const bool keeps = run.store && run.store->enabled();
     LightMemo memo;
     const auto rows_key = [](Hash table) { return all(std::string("form factors"), kLightVersion, table); };
     memo.load_rows = [&](Hash table) { return run.store->load(rows_key(table)); };
     memo.save_rows = [&](Hash table, Bytes rows) { (void)run.store->save(rows_key(table), rows); };
-    if (keeps)
-        if (const auto bytes = run.store->load(shape)) try {
-                ByteReader r(*bytes);
-                r(memo);
-            } catch (const ArchiveError&) { // of another version: the bake takes nothing over
-            }
-    auto lighting = bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, keeps ? &memo : nullptr);
-    if (keeps && lighting) (void)run.store->save(shape, to_bytes(memo)); // not kept: the next bake takes nothing over
-    return lighting;
+    return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, options), memo, run,
+                               [&](LightMemo* m) { return bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, m); });
 }
 // The openings themselves were reported by the stage.
 Fault leak_fault(const World& world, const Leak& leak) {
@@ -270,7 +273,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
     const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), lights_key(out.lights));
-    const Hash shape = all(std::string("light of before"), kLightVersion, without_overlays(out.surfaces, *surfaces), *bsp, options.light); // but for what shines
+    const Hash shape = all(without_overlays(out.surfaces, *surfaces), *bsp); // whatever shines
     const auto light = stages.run(Stage::light, kLightVersion, all(lit, options.light), places, out.lighting,
                                   [&] { return relight(shape, options.light, run, context, out); });
     if (!light) return light.fault();
@@ -282,8 +285,12 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
         if (!built) built = std::make_unique<LightField>(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, out.lighting);
         return *built;
     };
-    const auto ambient = stages.run(Stage::ambient, 4, all(lit, *light, options.ambient), places, out.ambient,
-                                    [&] { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context); });
+    const auto ambient = stages.run(Stage::ambient, kAmbientVersion, all(lit, *light, options.ambient), places, out.ambient,
+                                    [&] {
+                                        Memo memo;
+                                        return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, shape, options.light, options.ambient), memo, run,
+                                                                  [&](Memo* m) { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context, m); });
+                                    });
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;
 
@@ -292,8 +299,12 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;
 
-    const auto density = stages.run(Stage::density, 1, all(lit, *light, options.density), places, out.density,
-                                    [&] { return coarsen(out.surfaces, out.lighting, options.density, context); });
+    const auto density = stages.run(Stage::density, kDensityVersion, all(lit, *light, options.density), places, out.density,
+                                    [&] {
+                                        Memo memo;
+                                        return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, shape, options.light, options.density), memo, run,
+                                                                  [&](Memo* m) { return coarsen(out.surfaces, out.lighting, options.density, context, m); });
+                                    });
     if (!density) return density.fault();
     if (done(Stage::density)) return true;
 

@@ -2,6 +2,7 @@
 // sees what, and which light arrives. air_of() answers from the BSP and the baked light.
 #pragma once
 #include "compiler/ambient/ambient.h"
+#include "compiler/light/memo.h"
 #include <functional>
 
 namespace kiln::ambient {
@@ -34,7 +35,11 @@ struct Air {
     std::function<std::vector<Vec3>(const Box3&, const std::vector<HalfSpace>&)> beside_faces;
     std::function<std::optional<AirHit>(Vec3 origin, Vec3 unit_direction)> closest;
     std::function<bool(Vec3 from, Vec3 to)> clear;                    // symmetric
-    std::function<void(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival&)> rest; // all but entity lights
+    std::function<void(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival&, Looked*)> rest; // all but entity lights
+    // With a memo: cubes gathered in an earlier world of the same geometry. What they depend on, as LightField has it.
+    Memo* memo = nullptr;
+    std::uint64_t state = 0;
+    std::vector<std::uint64_t> part_states;
     std::uint32_t light_count = 0;
     std::function<std::optional<DirectLight>(std::uint32_t light, Vec3 point)> direct;
     std::function<bool(std::uint32_t light, Vec3 point)> light_clear; // does the light reach the point?

@@ -54,6 +54,8 @@ struct AmbientCell {                 // cubic, side = root size / 2^level
     std::uint32_t behind = UINT32_MAX;
     template <class A> void fields(A& a) { a(lo, size, cubes, mask, plane_normal, plane_distance, beyond, behind); }
 };
+class Memo; // of an earlier lattice in the same geometry (light/memo.h): taken over where it holds, and replaced by this one's
+
 struct Ambient {
     Vec3 origin;                     // of the root lattice (offset applied)
     float root_size = 0;
@@ -68,7 +70,7 @@ struct Ambient {
 };
 Result<Ambient> place_ambient(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
                               const std::vector<Light>& lights, const LightField& field, const AmbientOptions& options,
-                              Context& context);
+                              Context& context, Memo* memo = nullptr);
 void validate(const Ambient& ambient);
 // What a run time shows at a point: mask times trilinear; nothing where there is no cell.
 std::optional<std::array<Rgb, 6>> ambient_at(const Ambient& ambient, Vec3 point);

@@ -44,7 +44,7 @@ public:
         lights_.push_back(sky);
         empty_.emplace(world_, bsp_, planes_, surfaces_, lights_, lighting_);
     }
-    void arriving(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const {
+    void arriving(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival, Looked* looked) const {
         struct Ray {
             Vec3 direction;
             Rgbd weight;
@@ -52,7 +52,7 @@ public:
         std::vector<Ray> unit, got;
         unit.reserve(rays), got.reserve(rays);
         empty_->arriving_rest(point, {}, rays, seed, [&](Vec3 d, Rgbd w) { unit.push_back({d, w}); });
-        field_.arriving_rest(point, {}, rays, seed, [&](Vec3 d, Rgbd w) { got.push_back({d, w}); });
+        field_.arriving_rest(point, {}, rays, seed, [&](Vec3 d, Rgbd w) { got.push_back({d, w}); }, looked);
         // Both come in the order of the bundle; the real one lacks dark rays and starts with rays to emitters.
         Rgbd sum{};
         std::size_t next = 0;
@@ -211,8 +211,8 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
     air.beside_faces = [places = std::make_shared<const FacePlaces>(surfaces)](const Box3& box, const std::vector<HalfSpace>& within) { return places->in(box, within); };
     air.clear = [&scene](Vec3 from, Vec3 to) { return !scene.occluded(from, to); };
     air.rest = [controlled = std::make_shared<const ControlledField>(field)](
-                   Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) {
-        controlled->arriving(point, rays, seed, arrival);
+                   Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival, Looked* looked) {
+        controlled->arriving(point, rays, seed, arrival, looked);
     };
     air.light_count = static_cast<std::uint32_t>(lights.size());
     air.direct = [&lights](std::uint32_t l, Vec3 point) -> std::optional<DirectLight> {
@@ -238,8 +238,12 @@ namespace kiln {
 
 Result<Ambient> place_ambient(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
                               const std::vector<Light>& lights, const LightField& field, const AmbientOptions& options,
-                              Context& context) {
-    return ambient::build_lattice(ambient::air_of(bsp, planes, surfaces, lights, field), options, context);
+                              Context& context, Memo* memo) {
+    ambient::Air air = ambient::air_of(bsp, planes, surfaces, lights, field);
+    if (memo) memo->begin(), air.memo = memo, air.state = field.state(), air.part_states = field.part_states();
+    auto made = ambient::build_lattice(air, options, context);
+    if (memo) memo->end();
+    return made;
 }
 
 } // namespace kiln

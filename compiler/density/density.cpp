@@ -61,11 +61,11 @@ std::vector<std::vector<Line>> seam_lines(const Surfaces& s) {
 class Coarsening {
 public:
     Coarsening(const Surfaces& s, const Lighting& light, const DensityOptions& options)
-        : s_(s), light_(light), share_(options.error_percent / 100), floor_(std::max(options.error_floor * scene_mean(s, light), kDark)), seams_(seam_lines(s)), first_luxel_(s.charts.size() + 1) {
+        : s_(s), light_(light), share_(options.error_percent / 100), floor_(std::max(error_floor(options.error_floor, scene_mean(s, light)), kDark)), seams_(seam_lines(s)), first_luxel_(s.charts.size() + 1) {
         for (const Luxel& l : s.luxels) ++first_luxel_[l.chart.at() + 1];
         std::partial_sum(first_luxel_.begin(), first_luxel_.end(), first_luxel_.begin());
     }
-    Density run(Context& context) const;
+    Density run(Context& context, Memo* memo) const;
 
 private:
     const Surfaces& s_;
@@ -82,7 +82,9 @@ private:
         std::vector<std::uint8_t> valid;
         std::vector<float> error;
         double square = 0, weight = 0;
+        template <class A> void fields(A& a) { a(grid, flat, rnm, valid, error, square, weight); }
     };
+    std::uint64_t key(std::size_t chart) const;
     Made make(std::size_t chart) const;
     void note_quality(const ChartFit& fit, std::size_t chart, Made& out) const;
     ChartLight light_of(std::size_t chart) const;
@@ -318,9 +320,29 @@ Coarsening::Made Coarsening::make(std::size_t chart) const {
     return out;
 }
 
-Density Coarsening::run(Context& context) const {
+// Of all that a chart's grid is made from.
+std::uint64_t Coarsening::key(std::size_t chart) const {
+    const Chart& c = s_.charts[chart];
+    const std::size_t n = std::size_t{c.width} * c.height;
+    ByteWriter w;
+    w(chart, share_, floor_, light_.encoding, directional(chart));
+    const auto texels = [&](const auto& of, std::size_t first) { w.raw(&of[first], n * sizeof of[first]); };
+    texels(light_.flat, c.first_texel), texels(light_.valid, c.first_texel), texels(light_.texel_error, c.first_texel);
+    if (directional(chart)) texels(light_.rnm, light_.rnm_first[chart]);
+    return hash_bytes(w.bytes).low;
+}
+
+Density Coarsening::run(Context& context, Memo* memo) const {
     std::vector<Made> made(s_.charts.size());
-    parallel_for(context, "density", made.size(), [&](std::size_t chart) { made[chart] = make(chart); });
+    parallel_for(context, "density", made.size(), [&](std::size_t chart) {
+        const std::uint64_t of = memo ? key(chart) : 0;
+        if (const Bytes* kept = memo ? memo->find(of, {}) : nullptr) {
+            made[chart] = from_bytes<Made>(*kept);
+            return;
+        }
+        made[chart] = make(chart);
+        if (memo) memo->keep(of, {}, {}, to_bytes(made[chart]));
+    });
     Density out;
     double square = 0, weight = 0;
     for (std::size_t c = 0; c < made.size(); ++c) {
@@ -340,10 +362,13 @@ Density Coarsening::run(Context& context) const {
 
 } // namespace
 
-Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context) {
+Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo) {
     if (!(options.error_percent > 0)) return Density{};
     try {
-        return Coarsening(surfaces, lighting, options).run(context);
+        if (memo) memo->begin();
+        Density out = Coarsening(surfaces, lighting, options).run(context, memo);
+        if (memo) memo->end();
+        return out;
     } catch (const Cancelled&) {
         return fault(Exit::cancelled, "cancelled", "stopped while choosing luxels");
     }

@@ -10,6 +10,7 @@
 // Method   least squares of what is shown, checked at every place: NOTES.md
 #pragma once
 #include "compiler/light/light.h"
+#include "compiler/light/memo.h"
 
 namespace kiln {
 
@@ -42,7 +43,8 @@ struct Density {
     double mean_change = 0; // percent: root mean square, over the area, of the change of what is shown, relative as the bound
     template <class A> void fields(A& a) { a(grids, flat, valid, texel_error, rnm, mean_change); }
 };
-Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context);
+// `memo`: of an earlier run with the same surfaces (light/memo.h): charts in the same light are taken over.
+Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo = nullptr);
 void validate(const Density& density, const Surfaces& surfaces, const Lighting& lighting);
 
 } // namespace kiln

@@ -305,12 +305,6 @@ std::vector<Vec3> Bake::places_of(const PatchTable& table) {
     return out;
 }
 
-// The level below which errors are not relative any more, in coarse steps: it is a matter of taste, and a lamp more somewhere must
-// not decide anew everywhere.
-double Bake::error_floor(double mean_irradiance) const {
-    return mean_irradiance > 0 ? std::exp2(std::round(std::log2(options_.error_floor * mean_irradiance))) : 0;
-}
-
 // A lamp changed in one room changes the last digits of the light of every other. Rounded, up or down by the place, so that means do not
 // change, light is mostly the same where nothing much happened, and what was gathered of it can be taken over.
 void Bake::quantise(std::vector<Rgbd>* rest, const std::vector<Vec3>& places) const {
@@ -338,7 +332,7 @@ std::vector<Rgbd> Bake::solve_patches() {
     double area = 0, sum = 0;
     for (std::size_t p = 0; p < n; ++p)
         area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
-    floor_ = area > 0 ? error_floor(sum / area) : 0;
+    floor_ = area > 0 ? error_floor(options_.error_floor, sum / area) : 0;
     rest_.resize(n);
     for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
     quantise(&rest_, places_of(patches_));

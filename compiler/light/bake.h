@@ -106,7 +106,6 @@ private:
     void make_patches();
     std::vector<Rgbd> solve_patches();
     static std::vector<Vec3> places_of(const PatchTable& table);
-    double error_floor(double mean_irradiance) const;
     void quantise(std::vector<Rgbd>* rest, const std::vector<Vec3>& places) const;
     // relight.cpp
     void open_memo();

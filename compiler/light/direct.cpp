@@ -93,7 +93,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         estimate_[p] = mean(irradiance[p]);
         area += patches_.patches[p].area, sum += patches_.patches[p].area * estimate_[p];
     }
-    floor_ = area > 0 ? error_floor(sum / area) : 0;
+    floor_ = area > 0 ? error_floor(options_.error_floor, sum / area) : 0;
     // What is worth rays is decided in coarse steps: what changes elsewhere a little must not change it here.
     for (double& e : estimate_)
         if (e > 0) e = std::exp2(std::round(8 * std::log2(e)) / 8);

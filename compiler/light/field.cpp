@@ -25,7 +25,7 @@ template <class Visit> void for_each_bilinear(const Surfaces& surfaces, FaceId f
 }
 } // namespace
 
-Rgbd LightField::Data::reflected(const SceneHit& hit) const {
+Rgbd LightField::Data::reflected(const SceneHit& hit, Looked* looked) const {
     const Face& face = surfaces.faces[hit.face.at()];
     std::uint32_t patch = lighting.face_patch[hit.face.at()];
     if (face.chart.valid()) {
@@ -36,6 +36,7 @@ Rgbd LightField::Data::reflected(const SceneHit& hit) const {
             double weight = 0;
             for_each_bilinear(surfaces, hit.face, hit.position, [&](std::size_t t, double w) {
                 if (lighting.valid[t] != 1 || lighting.patch_index[t] >= kMixedPatch) return;
+                if (looked) looked->at(lighting.patch_index[t]);
                 sum += static_cast<Rgbd>(texel_reflected[t]) * w, weight += w;
             });
             if (weight > 0) return sum / weight;
@@ -43,7 +44,51 @@ Rgbd LightField::Data::reflected(const SceneHit& hit) const {
         const std::uint32_t piece = index.piece_at(hit.face, hit.position);
         patch = piece == UINT32_MAX ? kNoPatch : lighting.piece_patch[piece];
     }
-    return patch == kNoPatch ? Rgbd{} : static_cast<Rgbd>(patch_reflected[patch]);
+    if (patch == kNoPatch) return {};
+    if (looked) looked->at(patch);
+    return static_cast<Rgbd>(patch_reflected[patch]);
+}
+
+std::uint32_t LightField::Data::lights_part(Vec3 x) const {
+    std::uint32_t at = 0;
+    for (std::size_t a = 0; a < 3; ++a) {
+        const double share = (x[a] - bounds.lo[a]) / std::max(bounds.hi[a] - bounds.lo[a], 1e-9);
+        at = at * kBoxes + static_cast<std::uint32_t>(std::clamp(share * kBoxes, 0.0, kBoxes - 1.0));
+    }
+    return static_cast<std::uint32_t>(lighting.patches.size()) + at;
+}
+
+std::vector<std::uint64_t> LightField::part_states() const {
+    const Data& d = *data_;
+    const Lighting& l = d.lighting;
+    std::vector<std::uint64_t> states;
+    states.reserve(d.part_count());
+    for (std::size_t p = 0; p < l.patches.size(); ++p) states.push_back(hash_of(std::make_pair(l.patches[p], d.patch_reflected[p])).low);
+    const auto bits = [](float x) { return std::bit_cast<std::uint32_t>(x); };
+    for (std::size_t t = 0; t < l.flat.size(); ++t)
+        if (l.valid[t] == 1 && l.patch_index[t] < kMixedPatch)
+            if (const Rgb r = d.texel_reflected[t]; true) states[l.patch_index[t]] = mix(states[l.patch_index[t]], t, bits(r.x) | std::uint64_t{bits(r.y)} << 32, bits(r.z));
+    // Lights that can bring anything to where paths from points of the box may come.
+    const Vec3 size = d.bounds.size() / Data::kBoxes;
+    for (std::uint32_t i = 0; i < Data::kBoxes * Data::kBoxes * Data::kBoxes; ++i) {
+        const Vec3 at{double(i / (Data::kBoxes * Data::kBoxes)), double(i / Data::kBoxes % Data::kBoxes), double(i % Data::kBoxes)};
+        const Vec3 center = d.bounds.lo + size * 0.5 + Vec3{size.x * at.x, size.y * at.y, size.z * at.z};
+        std::uint64_t state = 0;
+        for (Light light : d.lights) {
+            light.entity = {};
+            if (light_bound(light, center, length(size) / 2 + d.near_reach) > 0) state = mix(state, hash_of(light).low);
+        }
+        states.push_back(state);
+    }
+    return states;
+}
+
+std::uint64_t LightField::state() const {
+    const Data& d = *data_;
+    ByteWriter w;
+    w(d.sky, d.emitters.of_face);
+    for (const Emitter& e : d.emitters.emitters) w(e.radiance);
+    return hash_bytes(w.bytes).low;
 }
 
 bool LightField::Data::is_near(const SceneHit& hit) const {
@@ -79,6 +124,7 @@ LightField::LightField(const World& world, const Bsp&, const PlaneTable&, const 
                      {},
                      {}}) {
     Data& d = *data_;
+    for (const Vec3& p : surfaces.positions) d.bounds.add(p);
     for (const Chart& c : surfaces.charts) d.near_reach = std::max(d.near_reach, (kNearBounces + 1) * kNearLuxels * c.luxel_size);
     constexpr double inv_pi = 1 / kPi;
     d.patch_reflected.resize(lighting.patches.size());
@@ -129,12 +175,14 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
 }
 
 void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
-                               const Arrival& arrival) const {
+                               const Arrival& arrival, Looked* looked) const {
     const Data& d = *data_;
     const bool free = normal == Vec3{};
     const Vec3 x = d.origin_at(point, normal);
     std::optional<NearLights> lights_near; // of x, where a hit asks for them
     PathTracer tracer{d};
+    tracer.looked = looked;
+    if (looked) looked->begin(d.part_count());
     rays = std::max(rays, 4u);
     const Sobol points(mix(seed, std::uint64_t{22}));
     const Frame frame = free ? Frame{} : frame_around(normal);
@@ -164,8 +212,11 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
             emitter[i] = d.emitter(*hits[i], directions[i]);
             Random random(mix(seed, i, std::uint64_t{25}));
             const bool is_near = d.is_near(*hits[i]);
-            if (is_near && !lights_near) lights_near.emplace(d, x), tracer.near = &*lights_near;
-            radiance[i] = is_near ? tracer.reflected(*hits[i], directions[i], random, true) : d.reflected(*hits[i]);
+            if (is_near && !lights_near) {
+                lights_near.emplace(d, x), tracer.near = &*lights_near;
+                if (looked) looked->at(d.lights_part(x));
+            }
+            radiance[i] = is_near ? tracer.reflected(*hits[i], directions[i], random, true) : d.reflected(*hits[i], looked);
             if (emitter[i] != UINT32_MAX) total += d.emitters.emitters[emitter[i]].radiance * (solid[i] * k);
         }
         total += radiance[i] * (solid[i] * k);

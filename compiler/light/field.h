@@ -47,6 +47,8 @@ private:
 // facing it), `direction` = unit vector towards where it comes from.
 using Arrival = std::function<void(Vec3 direction, Rgbd weight)>;
 
+class Looked; // memo.h
+
 class LightField {
 public:
     LightField(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
@@ -60,8 +62,13 @@ public:
     void arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const;
     // Only direct light of entities (point, spot, sun), or only the rest.
     void arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, const Arrival& arrival) const;
+    // `looked`: notes which parts of the field it depends on.
     void arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
-                       const Arrival& arrival) const;
+                       const Arrival& arrival, Looked* looked = nullptr) const;
+    // Hashes of the parts of the field, and of what all light depends on (sky, emitters). Where both are what they were in a field
+    // of the same geometry, arriving_rest gives what it gave.
+    std::vector<std::uint64_t> part_states() const;
+    std::uint64_t state() const;
     // Radiance leaving what a ray sees: emission + reflectance/pi * lightmap irradiance, or the sky. For probes.
     Rgb radiance(Vec3 origin, Vec3 unit_direction, SceneHit* hit = nullptr) const;
 

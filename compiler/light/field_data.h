@@ -17,10 +17,15 @@ struct LightField::Data {
     EmitterSet emitters;
     Rgbd sky;
     std::vector<Rgb> texel_reflected, patch_reflected; // radiance
+    // Parts to look at: the patches, then boxes of the world for the lights that reach them.
+    static constexpr std::uint32_t kBoxes = 8; // along each axis
+    Box3 bounds{};
+    std::size_t part_count() const { return lighting.patches.size() + kBoxes * kBoxes * kBoxes; }
+    std::uint32_t lights_part(Vec3 x) const;
     double near_reach = 0; // map units: no path leaves a point further than this before the bake answers for it
 
     // Radiance reflected at a hit: the luxel's, or the patch's where a texel is shared by several.
-    Rgbd reflected(const SceneHit& hit) const;
+    Rgbd reflected(const SceneHit& hit, Looked* looked = nullptr) const;
     // Is a hit so close to where its ray began that the light of its luxel is no good answer?
     bool is_near(const SceneHit& hit) const;
     // The emitter that shines from a hit, seen from its front; UINT32_MAX: none.

@@ -69,6 +69,11 @@ struct Lighting {
 Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
                             const std::vector<Light>& lights, const LightOptions& options, Context& context,
                             LightMemo* memo = nullptr);
+// The level below which errors are not relative any more: a share of the mean, in powers of two. It is a matter of taste, and a lamp
+// more somewhere must not decide anew everywhere.
+inline double error_floor(double share, double mean) {
+    return share * mean > 0 ? std::exp2(std::round(std::log2(share * mean))) : 0;
+}
 void validate(const Lighting& lighting, const Surfaces& surfaces);
 
 } // namespace kiln

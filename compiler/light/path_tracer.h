@@ -20,6 +20,7 @@ struct PathTracer {
     const LightField::Data& d;
     std::uint64_t* rays = nullptr; // counts them, where it is given
     const NearLights* near = nullptr; // none: every light is asked
+    Looked* looked = nullptr;         // notes the patches it meets, with `cached`
 
     void count() const {
         if (rays) ++*rays;

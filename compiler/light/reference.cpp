@@ -27,7 +27,7 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached)
         const Face& face = d.surfaces.faces[hit.face.at()];
         if (!face.drawn || face.sky) break;
         if (cached && (bounce >= kNearBounces || !d.is_near(hit))) {
-            sum += throughput * d.reflected(hit);
+            sum += throughput * d.reflected(hit, looked);
             break;
         }
         Rgbd rho = static_cast<Rgbd>(d.world.materials[face.material.at()].reflectance);
@@ -43,7 +43,7 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached)
         if (dot(n, came) > 0) n = -n; // the back of a two-sided face
         const Vec3 x = hit.position + n * d.scene.push_off();
         sum += throughput * entities(x, n, random) * (1 / kPi);
-        choice.build(d.emitters, x, n, cached ? 1.5 * mean(d.reflected(hit)) / std::max(mean(rho), 1e-3) : 0);
+        choice.build(d.emitters, x, n, cached ? 1.5 * mean(d.reflected(hit, looked)) / std::max(mean(rho), 1e-3) : 0);
         Vec3 way;
         Rgbd weight;
         const double pick = random(), u = random(), v = random();
