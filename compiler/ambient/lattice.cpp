@@ -26,6 +26,7 @@ constexpr int kMostRounds = 8;                // of asking border points whether
 struct Sample {
     Vec3 point;
     double volume = 0; // map units cubed that it stands for; 0: only there for what it sees
+    template <class A> void fields(A& a) { a(point, volume); }
 };
 
 struct Variant { // becomes one AmbientCell
@@ -35,6 +36,7 @@ struct Variant { // becomes one AmbientCell
     Vec3 normal{};
     double distance = 0;
     std::uint32_t beyond = 0, behind = 0; // as in Side
+    template <class A> void fields(A& a) { a(sites, mask, has_plane, normal, distance, beyond, behind); }
 };
 
 enum class State : std::uint8_t { no_air, cell, split };
@@ -88,6 +90,19 @@ private:
     std::uint64_t seed(Grid g, std::uint64_t what) const {
         return mix(options_.seed, std::uint64_t(std::uint32_t(g[0])), std::uint64_t(std::uint32_t(g[1])),
                    std::uint64_t(std::uint32_t(g[2])), what);
+    }
+    // What geometry alone decides: of an earlier lattice, or by `run`.
+    template <class Run, class... T> void kept(std::uint64_t key, const Run& run, T&... values) const {
+        if (!air_.memo) return run();
+        if (const Bytes* bytes = air_.memo->find(key, {})) {
+            ByteReader r(*bytes);
+            r(values...);
+            return;
+        }
+        run();
+        ByteWriter w;
+        w(values...);
+        air_.memo->keep(key, {}, {}, std::move(w.bytes));
     }
     void lay_out();
     void sample(Work& work) const;
@@ -327,7 +342,10 @@ void Builder::split(std::size_t w) {
 void Builder::shape(std::size_t first) {
     while (first < work_.size()) {
         const std::size_t last = work_.size(), first_site = sites_.size();
-        parallel_for(context_, last - first, [&](std::size_t i) { sample(work_[first + i]); });
+        parallel_for(context_, last - first, [&](std::size_t i) {
+            Work& w = work_[first + i];
+            kept(seed(w.at, mix(0x73u, std::uint64_t(w.size))), [&] { sample(w); }, w.state, w.samples, w.border, w.volume, w.rays);
+        });
         for (std::size_t w = first; w < last; ++w) {
             Work& work = work_[w];
             if (work.state != State::cell) continue;
@@ -343,10 +361,16 @@ void Builder::shape(std::size_t first) {
                 work.corners[static_cast<std::size_t>(c)] = at->second;
             }
         }
-        parallel_for(context_, sites_.size() - first_site,
-                     [&](std::size_t i) { settle(air_, finest_ / 2, sites_[first_site + i]); });
+        parallel_for(context_, sites_.size() - first_site, [&](std::size_t i) {
+            Site& s = sites_[first_site + i];
+            kept(mix(s.seed, 0x74u), [&] { settle(air_, finest_ / 2, s); }, s.position, s.usable, s.invalid_share, s.rays);
+        });
         parallel_for(context_, last - first, [&](std::size_t i) {
-            if (work_[first + i].state == State::cell) look(work_[first + i]);
+            Work& w = work_[first + i];
+            if (w.state != State::cell) return;
+            std::uint64_t corners = 0x6Cu;
+            for (const std::uint32_t c : w.corners) corners = mix(corners, c);
+            kept(seed(w.at, mix(corners, std::uint64_t(w.size))), [&] { look(w); }, w.state, w.samples, w.border, w.variants, w.own, w.rays);
         });
         for (std::size_t w = first; w < last; ++w) {
             if (work_[w].state == State::split) {
