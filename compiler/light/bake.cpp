@@ -438,7 +438,7 @@ Lighting Bake::run() {
         wanted *= std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
         check = gather();
     }
-    if (memo_) memo_->direct.end(), memo_->gather.end(), memo_->pilot.end();
+    if (memo_) memo_->lights.end(), memo_->direct.end(), memo_->gather.end(), memo_->pilot.end();
     fill();
     match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
 

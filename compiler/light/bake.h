@@ -30,6 +30,7 @@ struct LightRef {
     bool penumbra = false;     // some test rays saw it and some did not, here or at a neighbour
     bool hidden = false;       // no test ray saw it (entities only: they cannot be left to gathered rays)
     std::uint16_t samples = 1; // per luxel where it is not in full view, at an effort of 1
+    template <class A> void fields(A& a) { a(light, is_emitter, penumbra, hidden, samples); }
 };
 
 struct HitCounts {

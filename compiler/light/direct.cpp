@@ -14,6 +14,12 @@ constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a li
 double square(double x) {
     return x * x;
 }
+// What a memo keeps of the lights of a patch, as Bake::choose_lights finds them; entities: by rank.
+struct PatchLights {
+    std::vector<LightRef> emitters, entities;
+    std::uint64_t rays = 0;
+    template <class A> void fields(A& a) { a(emitters, entities, rays); }
+};
 // What a memo keeps of the luxels of a patch, light by light; of a light that no luxel has anything of: nothing.
 struct LuxelDirect {
     static constexpr bool kRawBytes = true;
@@ -98,6 +104,8 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     for (double& e : estimate_)
         if (e > 0) e = std::exp2(std::round(8 * std::log2(e)) / 8);
     std::vector<std::vector<LightRef>> emitters(n), entities(n);
+    std::uint64_t radiances = 0; // of all emitters
+    for (const Emitter& e : emitters_.emitters) radiances = mix(radiances, hash_of(e.radiance).low);
     constexpr std::size_t kChunk = 32;
     parallel_for(context_, "light: visible lights", (n + kChunk - 1) / kChunk, [&](std::size_t chunk) {
         std::uint64_t rays = 0;
@@ -109,6 +117,29 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             if (footprint.empty()) continue;
             const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);
             const bool many_ways = looks_many_ways(p);
+            // Entities, strongest first.
+            std::vector<std::pair<double, std::uint32_t>> strong;
+            double left = 0;
+            for (std::uint32_t i = 0; i < lights_.size(); ++i) {
+                const double bright = light_bound(lights_[i], patch.centroid, radius);
+                if (bright > 0) strong.emplace_back(bright, i), left += bright;
+            }
+            std::ranges::sort(strong, [](const auto& x, const auto& y) {
+                return x.first != y.first ? x.first > y.first : x.second < y.second;
+            });
+            std::uint64_t key = 0;
+            if (memo_) {
+                key = mix(base_, table_.low, p, radiances, std::bit_cast<std::uint64_t>(estimate_[p]), std::bit_cast<std::uint64_t>(floor_));
+                for (const auto& [bright, i] : strong) key = mix(key, light_ids_[i]);
+                if (const Bytes* kept = memo_->lights.find(key, {})) {
+                    const PatchLights found = from_bytes<PatchLights>(*kept);
+                    emitters[p] = found.emitters, entities[p] = found.entities, rays += found.rays;
+                    for (LightRef& r : entities[p]) r.light = strong[r.light].second;
+                    std::ranges::sort(entities[p], {}, &LightRef::light);
+                    continue;
+                }
+            }
+            const std::uint64_t rays_before = rays;
             const Sobol points(seed_at(patch.centroid, 2));
             // Test rays: four where little is at stake, else two for each luxel, so that no thin shadow falls
             // between.
@@ -150,16 +181,8 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 const double share = kPi * mean(emitter.radiance) * most / 4 / e;
                 emitters[p].push_back({i, true, seen != tested, false, penumbra_samples(share)});
             }
-            // Entities, strongest first, until all that are left together cannot matter beside what has been found.
-            std::vector<std::pair<double, std::uint32_t>> strong;
-            double left = 0, found = std::max(estimate_[p], floor_);
-            for (std::uint32_t i = 0; i < lights_.size(); ++i) {
-                const double bright = light_bound(lights_[i], patch.centroid, radius);
-                if (bright > 0) strong.emplace_back(bright, i), left += bright;
-            }
-            std::ranges::sort(strong, [](const auto& x, const auto& y) {
-                return x.first != y.first ? x.first > y.first : x.second < y.second;
-            });
+            // Entities, until all that are left together cannot matter beside what has been found.
+            double found = std::max(estimate_[p], floor_);
             for (const auto& [bright, i] : strong) {
                 if (left <= quality_.light_cutoff * found) break;
                 left -= bright;
@@ -182,6 +205,12 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 found += brought / tested;
                 entities[p].push_back(
                     {i, false, seen != tested && seen > 0, seen == 0, penumbra_samples(bright / found)});
+            }
+            if (memo_) {
+                PatchLights all{emitters[p], entities[p], rays - rays_before};
+                for (LightRef& r : all.entities) // by its rank: numbers in the file change
+                    r.light = static_cast<std::uint32_t>(std::ranges::find(strong, r.light, &std::pair<double, std::uint32_t>::second) - strong.begin());
+                memo_->lights.keep(key, {}, {}, to_bytes(all));
             }
             std::ranges::sort(entities[p], {}, &LightRef::light);
         }

@@ -78,12 +78,12 @@ struct RowsMemo {
 };
 
 struct LightMemo {
-    Memo direct, gather, pilot; // of all tables of patches
+    Memo lights, direct, gather, pilot; // of all tables of patches
     // Where rows are found and left; absent: they are traced.
     std::function<std::optional<Bytes>(Hash table)> load_rows;
     std::function<void(Hash table, Bytes rows)> save_rows;
     double taken_over() const; // share of what the last bake gathered, 0..1
-    template <class A> void fields(A& a) { a(direct, gather, pilot); }
+    template <class A> void fields(A& a) { a(lights, direct, gather, pilot); }
 };
 
 } // namespace kiln

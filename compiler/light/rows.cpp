@@ -72,34 +72,34 @@ void Bake::trace_rows() {
     if (memo_ && memo_->save_rows) memo_->save_rows(table_, to_bytes(RowsMemo{hits_, hit_cells_, covered_, {all.rays, all.escaped, all.back}}));
 }
 
+// In the order in which each patch was met first.
 Bake::Rows Bake::merge_rows() const {
     const std::uint32_t m = quality_.row_rays;
     const std::size_t n = patches_.patches.size();
-    std::vector<std::vector<std::uint32_t>> merged(n);
-    std::vector<std::vector<float>> weights(n);
     constexpr std::size_t kChunk = 256;
-    parallel_for(context_, (n + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+    std::vector<Rows> parts((n + kChunk - 1) / kChunk);
+    parallel_for(context_, parts.size(), [&](std::size_t chunk) {
         thread_local std::vector<std::uint32_t> times; // all 0 in between
         times.resize(std::max(times.size(), n));
+        Rows& rows = parts[chunk];
         for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
-            for (std::uint32_t i = 0; i < m; ++i) {
-                const std::uint32_t j = hits_[p * m + i];
-                if (!is_patch(j)) continue;
-                if (times[j]++ == 0) merged[p].push_back(j);
-            }
-            std::ranges::sort(merged[p]);
-            for (const std::uint32_t j : merged[p]) weights[p].push_back(static_cast<float>(times[j]) / static_cast<float>(m)), times[j] = 0;
+            const std::size_t first = rows.patch.size();
+            rows.first.push_back(first);
+            for (std::size_t i = p * m; i < (p + 1) * m; ++i)
+                if (is_patch(hits_[i]) && times[hits_[i]]++ == 0) rows.patch.push_back(hits_[i]);
+            for (std::size_t k = first; k < rows.patch.size(); ++k)
+                rows.weight.push_back(static_cast<float>(times[rows.patch[k]]) / static_cast<float>(m)), times[rows.patch[k]] = 0;
         }
     });
-    Rows rows;
-    rows.first.reserve(n + 1);
-    for (std::size_t p = 0; p < n; ++p) {
-        rows.first.push_back(rows.patch.size());
-        rows.patch.insert(rows.patch.end(), merged[p].begin(), merged[p].end());
-        rows.weight.insert(rows.weight.end(), weights[p].begin(), weights[p].end());
+    Rows all;
+    all.first.reserve(n + 1);
+    for (const Rows& part : parts) {
+        for (const std::uint64_t f : part.first) all.first.push_back(all.patch.size() + f);
+        all.patch.insert(all.patch.end(), part.patch.begin(), part.patch.end());
+        all.weight.insert(all.weight.end(), part.weight.begin(), part.weight.end());
     }
-    rows.first.push_back(rows.patch.size());
-    return rows;
+    all.first.push_back(all.patch.size());
+    return all;
 }
 
 // Irradiance from emission that the bundle met: all of it, or what is not sampled explicitly for the patch.
