@@ -226,6 +226,7 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
         }
         merged.first.push_back(merged.patch.size());
     }
+    if (!rows.filtered_first.empty()) merge_filtered(rows, parent, children, area, merged);
     std::uint32_t iterations = 0;
     double residual = 0;
     const std::vector<Rgbd> solved = solve(merged, coarse_first, coarse_rho, &iterations, &residual);
