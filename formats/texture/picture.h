@@ -7,13 +7,13 @@
 
 namespace kiln {
 
-struct Picture {
+struct TexelPicture {
     int width = 0, height = 0;
     Bytes rgba; // 8 bits, sRGB and linear alpha, row by row from the top left
     bool empty() const { return rgba.empty(); }
 };
 // The largest size and first frame of a Valve texture. Empty: it is a kind that has no opacity (a cube map, floats, several slices).
 // Errors   texture-unreadable: cut short, or no VTF
-Result<Picture> read_vtf_picture(std::span<const std::uint8_t> bytes, const std::string& file);
+Result<TexelPicture> read_vtf_picture(std::span<const std::uint8_t> bytes, const std::string& file);
 
 } // namespace kiln

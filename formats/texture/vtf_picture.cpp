@@ -82,7 +82,7 @@ Texel texel(std::span<const std::uint8_t> b, Format f) {
 
 } // namespace
 
-Result<Picture> read_vtf_picture(std::span<const std::uint8_t> bytes, const std::string& file) {
+Result<TexelPicture> read_vtf_picture(std::span<const std::uint8_t> bytes, const std::string& file) {
     const auto no = [&](std::string message) { return fault(Exit::input, "texture-unreadable", std::move(message), {.file = file}); };
     const auto head = read_vtf_head(bytes.first(std::min(bytes.size(), kVtfHeadBytes)), file);
     if (!head) return head.fault();
@@ -90,7 +90,7 @@ Result<Picture> read_vtf_picture(std::span<const std::uint8_t> bytes, const std:
     const std::uint32_t minor = u32(bytes, 8), head_size = u32(bytes, 12), flags = u32(bytes, 20), frames = std::max(1u, u16(bytes, 24)), mips = std::max<std::uint32_t>(1, bytes[56]);
     const auto format = static_cast<Format>(u32(bytes, 52));
     constexpr std::uint32_t kMostMips = 17;
-    if (bits_of(format) == 0 || (flags & kCubeMap)) return Picture{};
+    if (bits_of(format) == 0 || (flags & kCubeMap)) return TexelPicture{};
     if (mips > kMostMips) return no(fmt::format("it has {} sizes", mips));
     std::size_t at = head_size;
     if (minor >= 3) {
@@ -101,18 +101,18 @@ Result<Picture> read_vtf_picture(std::span<const std::uint8_t> bytes, const std:
         bool found = false;
         for (std::size_t i = 0; i < count && !found; ++i)
             if (const std::size_t entry = kResources + 8 * i; bytes[entry] == 0x30 && bytes[entry + 1] == 0 && bytes[entry + 2] == 0) at = u32(bytes, entry + 4), found = true;
-        if (!found) return Picture{};
+        if (!found) return TexelPicture{};
     } else {
         const std::uint32_t low = static_cast<std::uint32_t>(bytes[57]) | std::uint32_t{bytes[58]} << 8 | std::uint32_t{bytes[59]} << 16 | std::uint32_t{bytes[60]} << 24;
         if (low != kNone) at += size_of(Format::dxt1, bytes[61], bytes[62]);
     }
-    if (minor >= 2 && bytes.size() > 65 && u16(bytes, 63) > 1) return Picture{};
+    if (minor >= 2 && bytes.size() > 65 && u16(bytes, 63) > 1) return TexelPicture{};
     const auto w = static_cast<std::size_t>(head->width), h = static_cast<std::size_t>(head->height);
     for (std::uint32_t m = 1; m < mips; ++m) at += size_of(format, std::max<std::size_t>(1, w >> m), std::max<std::size_t>(1, h >> m)) * frames;
     const std::size_t size = size_of(format, w, h);
     if (at > bytes.size() || size > bytes.size() - at) return no("it is cut short");
     const std::span<const std::uint8_t> data = bytes.subspan(at, size);
-    Picture out{head->width, head->height, Bytes(4 * w * h)};
+    TexelPicture out{head->width, head->height, Bytes(4 * w * h)};
     const auto put = [&](std::size_t x, std::size_t y, const Texel& t) { std::ranges::copy(t, out.rgba.begin() + static_cast<std::ptrdiff_t>(4 * (y * w + x))); };
     if (in_blocks(format)) {
         const std::size_t stride = bits_of(format) * 2, across = (w + 3) / 4;

@@ -22,8 +22,8 @@ std::string name_at(std::span<const std::uint8_t> b, std::size_t at) { // 16 byt
     return {first, strnlen(first, 16)};
 }
 
-Picture with_holes(std::span<const std::uint8_t> texels, std::span<const std::uint8_t> palette, int width, int height) {
-    Picture out{width, height, {}};
+TexelPicture with_holes(std::span<const std::uint8_t> texels, std::span<const std::uint8_t> palette, int width, int height) {
+    TexelPicture out{width, height, {}};
     out.rgba.reserve(4 * texels.size());
     for (const std::uint8_t t : texels) {
         for (std::size_t c = 0; c < 3; ++c) out.rgba.push_back(palette.empty() ? std::uint8_t{0} : palette[3 * std::size_t{t} + c]);

@@ -22,7 +22,7 @@ struct WadTexture {
     std::string name;         // as stored: with the `*`, `{`, `+` it begins with
     int width = 0, height = 0;
     std::optional<Rgbd> mean; // linear colour, of the opaque texels; none: no palette, or none is opaque
-    Picture holed;            // of a texture with holes, whose name begins with `{`; empty: others
+    TexelPicture holed;            // of a texture with holes, whose name begins with `{`; empty: others
 };
 struct Wad {
     bool own_palettes = false; // WAD3

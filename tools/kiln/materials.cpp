@@ -35,7 +35,7 @@ using Json = nlohmann::ordered_json;
 
 // What light has to know of a texture's holes and colours (formats/material/FORMAT.md), no larger than that allows; nothing: it has none, and is
 // not `thin` for another reason.
-std::optional<Json> opacity_map_of(const Picture& picture, bool thin) {
+std::optional<Json> opacity_map_of(const TexelPicture& picture, bool thin) {
     if (picture.empty()) return std::nullopt;
     bool holes = false;
     for (std::size_t i = 3; i < picture.rgba.size() && !holes; i += 4) holes = picture.rgba[i] < 255;
@@ -64,8 +64,8 @@ std::optional<Json> opacity_map_of(const Picture& picture, bool thin) {
         }
     return Json{{"size", {w, h}}, {"opacity", base64(opacity)}, {"tint", base64(tint)}};
 }
-Picture picture_of(const Image& image) {
-    Picture out{image.width, image.height, {}};
+TexelPicture picture_of(const Image& image) {
+    TexelPicture out{image.width, image.height, {}};
     if (image.width <= 0 || image.height <= 0) return out;
     const bool colour = image.channels >= 3, alpha = image.channels % 2 == 0;
     const auto byte = [](float v) { return static_cast<std::uint8_t>(std::lround(255 * std::clamp(v, 0.0f, 1.0f))); };
@@ -181,7 +181,7 @@ Json rule_of(const Vmt& vmt, const std::string& materials, Context& context) {
     if (const std::string* base = vmt.find("$basetexture"); base && !vmt.is_set("$additive") && (thin || vmt.is_set("$translucent") || vmt.is_set("$alphatest")))
         if (const auto file = vtf_file(materials, *base)) {
             const auto bytes = read_file(*file);
-            const auto picture = bytes ? read_vtf_picture(*bytes, *file) : Result<Picture>(Picture{});
+            const auto picture = bytes ? read_vtf_picture(*bytes, *file) : Result<TexelPicture>(TexelPicture{});
             if (!picture) context.report(Severity::warning, "texture-unreadable", picture.fault().diagnostic.message, {.file = *file});
             else if (auto map = opacity_map_of(*picture, thin)) rule["opacity_map"] = *std::move(map);
         }

@@ -359,3 +359,44 @@ TEST(Panes, AnOpaqueOneSealsARoom) {
         if (at.x > 192) { EXPECT_EQ(b->lighting.flat[texel_of(b->scene.surfaces, l)], Rgb{}) << at.x << " " << at.y << " " << at.z; }
     }
 }
+
+// Opacity that entities state, and whether they cast shadows at all.
+TEST(PaneEntities, KeysOfTheGames) {
+    struct Case {
+        MapFormat format;
+        std::vector<std::pair<const char*, const char*>> keys;
+        double through; // 1: no pane, all passes; 0: it blocks
+        float alpha = 1; // of the material; below 1 glass
+        bool model = true;
+    };
+    const Case cases[] = {
+        {MapFormat::quake_standard, {{"_shadow", "1"}, {"alpha", "0.25"}}, 0.75},
+        {MapFormat::quake_standard, {{"_shadow", "1"}, {"_alpha", "0.25"}}, 0.75},
+        {MapFormat::quake_standard, {{"_shadow", "1"}, {"alpha", "0"}}, 0}, // not set
+        {MapFormat::quake_standard, {{"alpha", "0.25"}}, 1},                // a model without _shadow casts none
+        {MapFormat::vmf, {{"vrad_brush_cast_shadows", "1"}, {"rendermode", "2"}, {"renderamt", "51"}}, 0.8},
+        {MapFormat::vmf, {{"vrad_brush_cast_shadows", "1"}, {"rendermode", "0"}, {"renderamt", "51"}}, 0},
+        {MapFormat::vmf, {{"vrad_brush_cast_shadows", "1"}, {"rendermode", "5"}}, 1},
+        {MapFormat::vmf, {{"vrad_brush_cast_shadows", "1"}, {"alpha", "0.5"}}, 0}, // no key of Source
+        {MapFormat::quake_standard, {{"_shadow", "1"}, {"alpha", "0.5"}}, 0.75, 0.5f},   // both
+        {MapFormat::quake_standard, {}, 0.5, 0.5f, false},
+        {MapFormat::quake_standard, {{"_shadow", "-1"}}, 1, 0.5f, false},
+    };
+    for (std::size_t i = 0; i < std::size(cases); ++i) {
+        const Case& c = cases[i];
+        SurfacesBuilder b;
+        b.world.format = c.format;
+        const MaterialId m = c.alpha < 1 ? glass(b, c.alpha) : b.material({0.5f, 0.5f, 0.5f});
+        const FaceId face = pane(b, {-64, -64, 32}, {128, 0, 0}, {0, 128, 0}, m);
+        WorldEntity entity;
+        for (const auto& [key, value] : c.keys) entity.keys.push_back({key, value});
+        b.world.entities.push_back(entity);
+        WorldBrush& brush = b.world.brushes[0];
+        brush.entity = EntityId{1}, brush.model = ModelId{c.model ? 1u : 0u};
+        if (c.alpha == 1) brush.contents = Contents::solid;
+        const bool casts = std::ranges::any_of(c.keys, [](const auto& k) { return std::string(k.second) == "1" && std::string(k.first) != "alpha"; });
+        b.surfaces.faces[face.at()].blocks_light = c.alpha == 1 && casts; // as the surfaces stage has it
+        const TraceScene scene(b.world, b.surfaces);
+        EXPECT_NEAR(scene.transmitted({0, 0, 64}, {0, 0, 0}).x, c.through, 1e-7) << i;
+    }
+}
