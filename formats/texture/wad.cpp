@@ -81,7 +81,7 @@ Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::u
             left_out("has an impossible size");
             continue;
         }
-        WadTexture texture{name_at(miptex, 0), static_cast<int>(width), static_cast<int>(height), std::nullopt};
+        WadTexture texture{name_at(miptex, 0), static_cast<int>(width), static_cast<int>(height), std::nullopt, {}};
         if (texture.name.empty()) texture.name = listed;
         if (!wanted(texture.name)) continue;
         const std::size_t texels = std::size_t{width} * height, first = u32(miptex, 24);

@@ -231,7 +231,7 @@ Result<TextFile> materials_of_textures(const std::string& folder, const Bytes& m
         rule.update(Json{{"size", {image->width, image->height}}, {"reflectance", reflectance(mean_colour(*image), kMostMean)},
                          {"albedo_map", fs::relative(file, folder).generic_string()}});
         if (image->channels % 2 == 0)
-            if (auto map = opacity_map_of(picture_of(*image), false)) rule["opacity_map"] = *std::move(map);
+            if (auto opacity = opacity_map_of(picture_of(*image), false)) rule["opacity_map"] = *std::move(opacity);
     }
     for (auto it = rules.begin(); it != rules.end();) it = it->empty() ? rules.erase(it) : std::next(it); // nothing is known of those
     return material_file(folder + "/", rules);
@@ -262,7 +262,7 @@ Result<TextFile> materials_of_wad(const std::string& wad, const std::string& gam
     for (const WadTexture& t : read->textures) {
         Json rule = {{"size", {t.width, t.height}}};
         if (t.mean) rule["reflectance"] = reflectance(*t.mean, kMostMean);
-        if (auto map = opacity_map_of(t.holed, false)) rule["opacity_map"] = *std::move(map);
+        if (auto opacity = opacity_map_of(t.holed, false)) rule["opacity_map"] = *std::move(opacity);
         rules[t.name] = rule;
     }
     return material_file(wad, rules);
