@@ -99,6 +99,35 @@ Hash without_overlays(Surfaces& s, Hash all_of_it) {
     s.overlay_fragments = std::move(fragments), s.overlay_points = std::move(points);
     return hash;
 }
+// What light reads of panes beside surfaces and materials: where their textures lie, and what their entities say of shadows and opacity.
+Hash panes_key(const World& world, const Surfaces& s) {
+    const auto entity = [&](ByteWriter& w, EntityId id) {
+        if (!id.valid()) return;
+        for (const char* key : {"_shadow", "vrad_brush_cast_shadows", "rendermode", "renderamt", "alpha", "_alpha"}) w(std::string(world.entities[id.at()].get(key)));
+        w(id.value == 0);
+    };
+    ByteWriter w;
+    w(world.format);
+    std::vector<std::uint8_t> done(world.brushes.size());
+    for (const Face& f : s.faces) {
+        if (!f.drawn || !f.side.valid()) continue;
+        const std::size_t b = world.brush_of(f.side).at();
+        if (std::exchange(done[b], std::uint8_t{1})) continue;
+        const WorldBrush& brush = world.brushes[b];
+        const auto thin = [&](const WorldSide& side) {
+            const Material& m = world.materials[side.material.at()];
+            return (m.flags & (kTranslucent | kAlphaTested)) || m.alpha < 1;
+        };
+        const auto faded = [&](const WorldEntity& e) { return !e.get("rendermode").empty() || !e.get("alpha").empty() || !e.get("_alpha").empty(); };
+        const std::span sides(world.sides.data() + brush.first_side, brush.side_count);
+        if (std::ranges::none_of(sides, thin) && !(brush.entity.valid() && faded(world.entities[brush.entity.at()]))) continue;
+        entity(w, brush.entity);
+        w(brush.contents, brush.model);
+        for (const WorldSide& side : sides) w(side.points, side.material, side.texture);
+    }
+    for (const WorldPatch& p : world.patches) entity(w, p.entity), w(p.model);
+    return hash_bytes(w.bytes);
+}
 Hash lights_key(std::vector<Light> lights) {
     for (Light& l : lights) l.entity = {}; // its number in the file does not light anything
     return hash_of(lights);
@@ -272,8 +301,8 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.lights = read_lights(world, context);
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
-    const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), lights_key(out.lights));
-    const Hash shape = all(without_overlays(out.surfaces, *surfaces), *bsp); // whatever shines
+    const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), panes_key(world, out.surfaces), lights_key(out.lights));
+    const Hash shape = all(without_overlays(out.surfaces, *surfaces), *bsp, panes_key(world, out.surfaces)); // whatever shines
     const auto light = stages.run(Stage::light, kLightVersion, all(lit, options.light), places, out.lighting,
                                   [&] { return relight(shape, options.light, run, context, out); });
     if (!light) return light.fault();
@@ -294,7 +323,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;
 
-    const auto probes = stages.run(Stage::probes, 2, all(lit, *light, probe_entities_key(world, out.bsp), options.probes), all(places, entity_lines_key(world)), out.probes,
+    const auto probes = stages.run(Stage::probes, 3, all(lit, *light, probe_entities_key(world, out.bsp), options.probes), all(places, entity_lines_key(world)), out.probes,
                                    [&] { return bake_probes(world, out.bsp, out.bsp.planes, out.surfaces, field(), options.probes, context); });
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;

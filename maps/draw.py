@@ -27,7 +27,7 @@ def write(name, extension, text, materials):
 
 
 def main(wanted):
-    known = [*phenomena.VMF, "quake_room", "quake_room_valve220", "atrium"]
+    known = [*phenomena.VMF, "quake_room", "quake_room_valve220", "glass", "atrium"]
     for name in wanted or known:
         if name in phenomena.VMF:
             m, materials = phenomena.VMF[name]()
@@ -35,6 +35,9 @@ def main(wanted):
         elif name.startswith("quake_room"):
             m, materials = phenomena.quake_room()
             write(name, ".map", m.quake(valve220=name.endswith("valve220")), materials)
+        elif name == "glass":
+            m, materials = phenomena.glass(os.path.join(here, name, "textures"))
+            write(name, ".vmf", m.vmf(), materials)
         elif name == "atrium":
             m, materials = atrium.draw(os.path.join(here, "atrium", "textures"))
             write(name, ".vmf", m.vmf(), materials)

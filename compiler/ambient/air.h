@@ -43,6 +43,7 @@ struct Air {
     std::uint32_t light_count = 0;
     std::function<std::optional<DirectLight>(std::uint32_t light, Vec3 point)> direct;
     std::function<bool(std::uint32_t light, Vec3 point)> light_clear; // does the light reach the point?
+    std::function<Rgbd(std::uint32_t light, Vec3 point)> light_through; // what panes on the way leave of one that does; empty: all
 };
 
 Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, const std::vector<Light>& lights,

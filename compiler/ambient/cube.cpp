@@ -1,5 +1,6 @@
 #include "compiler/ambient/cube.h"
 #include "libs/core/hash.h"
+#include <algorithm>
 #include <numbers>
 
 namespace kiln::ambient {
@@ -67,14 +68,17 @@ std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, double gathered_i
     constexpr double kFaint = 0.002;
     std::vector<LitBy> reaching;
     double arrived = gathered_irradiance;
-    for (const LitBy& light : lights) {
+    for (LitBy& light : lights) {
         if (left <= kFaint * arrived) break;
         const double e = mean(light.direct.irradiance);
         left -= e, ++rays;
         if (!air.light_clear(light.light, point)) continue;
-        arrived += e;
+        if (air.light_through)
+            if (const Rgbd through = air.light_through(light.light, point); through != Rgbd{1, 1, 1}) light.direct.irradiance = light.direct.irradiance * through, light.filtered = true;
+        arrived += mean(light.direct.irradiance);
         reaching.push_back(light);
     }
+    std::ranges::stable_partition(reaching, [](const LitBy& light) { return !light.filtered; });
     return reaching;
 }
 

@@ -24,8 +24,9 @@ void gather(const Air& air, Vec3 point, std::uint32_t rays, std::uint64_t seed, 
 struct LitBy {
     std::uint32_t light = 0;
     DirectLight direct;
+    bool filtered = false; // by panes, which is in `direct`: the run time does not know of them
 };
-// Entity lights that reach the point, strongest first (ties: first in the list). The faint end, together below
+// Entity lights that reach the point, those that panes filter last, strongest first (ties: first in the list). The faint end, together below
 // 0.2 % of what arrives, is left out untested.
 std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, double gathered_irradiance, std::uint64_t& rays);
 

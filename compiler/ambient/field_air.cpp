@@ -229,6 +229,11 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
     air.light_clear = [&lights, &scene](std::uint32_t l, Vec3 point) {
         return sees(scene, point, lights[l]);
     };
+    constexpr double kWide = 32; // map units: as what a cube lights, which holes smaller than that do not pattern
+    if (scene.has_panes())
+        air.light_through = [&lights, &scene](std::uint32_t l, Vec3 point) {
+            return lights[l].kind == LightKind::sun ? scene.transmitted_from_sky(point, -lights[l].direction, {.start = kWide}) : scene.transmitted(point, lights[l].position, {.start = kWide});
+        };
     return air;
 }
 
@@ -240,6 +245,7 @@ Result<Ambient> place_ambient(const Bsp& bsp, const PlaneTable& planes, const Su
                               const std::vector<Light>& lights, const LightField& field, const AmbientOptions& options,
                               Context& context, Memo* memo) {
     ambient::Air air = ambient::air_of(bsp, planes, surfaces, lights, field);
+    if (field.scene().has_panes()) memo = nullptr; // as in the bake
     if (memo) memo->begin(), air.memo = memo, air.state = field.state(), air.part_states = field.part_states();
     auto made = ambient::build_lattice(air, options, context);
     if (memo) memo->end();

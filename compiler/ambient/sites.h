@@ -22,10 +22,14 @@ struct Site {
     float invalid_share = 0; // back-face share at the place taken
     bool lit = false;
     Gathered gathered;
-    std::vector<LitBy> lights;    // that reach it, strongest first
+    std::vector<LitBy> lights;    // that reach it, strongest first, those behind panes last
     std::uint64_t rays = 0;
     Cube6 shown{};                // gathered + all lights but the local ones
-    std::size_t locals(const AmbientOptions& o) const { return std::min<std::size_t>(lights.size(), o.local_lights); }
+    std::size_t locals(const AmbientOptions& o) const {
+        std::size_t n = 0;
+        while (n < lights.size() && n < o.local_lights && !lights[n].filtered) ++n;
+        return n;
+    }
     bool local(std::uint32_t light, const AmbientOptions& o) const {
         for (std::size_t i = 0; i < locals(o); ++i)
             if (lights[i].light == light) return true;

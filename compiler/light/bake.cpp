@@ -97,7 +97,9 @@ Bake::Bake(const World& world, const Surfaces& surfaces, const std::vector<Light
            const LightOptions& options, LightMemo* memo, Context& context)
     : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(sealed), memo_(memo), context_(context),
       quality_(Quality::of(options)), scene_(world, surfaces), index_(surfaces),
-      emitters_(world, surfaces, sky_radiance(lights)) {}
+      emitters_(world, surfaces, sky_radiance(lights)) {
+    if (scene_.has_panes()) memo_ = nullptr; // what rays look at on their way through is not noted
+}
 
 std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
     return mix_place(p, options_.seed, pass);
@@ -231,6 +233,7 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
         }
         merged.first.push_back(merged.patch.size());
     }
+    if (!rows.filtered_first.empty()) merge_filtered(rows, parent, children, area, merged);
     std::uint32_t iterations = 0;
     double residual = 0;
     const std::vector<Rgbd> solved = solve(merged, coarse_first, coarse_rho, &iterations, &residual);

@@ -11,6 +11,7 @@ namespace kiln {
 
 // Codes in hit lists beside patch numbers.
 constexpr std::uint32_t kHitEscaped = UINT32_MAX, kHitBack = UINT32_MAX - 1, kHitBlack = UINT32_MAX - 2;
+constexpr std::uint32_t kHitPanes = UINT32_MAX - 3;     // several: see PaneRays
 constexpr std::uint32_t kHitEmitter = 1u << 31; // | emitter: shines but is no patch (sky)
 constexpr bool is_patch(std::uint32_t hit) {
     return hit < kHitEmitter;
@@ -30,7 +31,8 @@ struct LightRef {
     bool penumbra = false;     // some test rays saw it and some did not, here or at a neighbour
     bool hidden = false;       // no test ray saw it (entities only: they cannot be left to gathered rays)
     std::uint16_t samples = 1; // per luxel where it is not in full view, at an effort of 1
-    template <class A> void fields(A& a) { a(light, is_emitter, penumbra, hidden, samples); }
+    bool filtered = false;     // some test ray came through a pane, here or at a neighbour
+    template <class A> void fields(A& a) { a(light, is_emitter, penumbra, hidden, samples, filtered); }
 };
 
 struct HitCounts {
@@ -92,6 +94,23 @@ struct LuxelGather {
     HitCounts hits;
 };
 
+// What rays of the rows met that crossed panes: the panes, and what stands behind them.
+struct PaneRays {
+    struct Met {
+        std::uint32_t code = kHitBlack; // as of hit lists
+        Rgb reflected, emitted;         // share of its reflected and of its own light that arrives
+    };
+    std::vector<std::uint64_t> ray; // into hit lists, ascending
+    std::vector<std::uint64_t> first; // into `met`; one more than rays
+    std::vector<Met> met;
+    std::span<const Met> of(std::uint64_t r) const {
+        const auto at = static_cast<std::size_t>(std::ranges::lower_bound(ray, r) - ray.begin());
+        return {met.data() + first[at], met.data() + first[at + 1]};
+    }
+};
+
+PaneRays joined(std::vector<PaneRays>& parts);
+
 class Bake {
 public:
     Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, bool sealed,
@@ -103,6 +122,10 @@ private:
         std::vector<std::uint64_t> first;
         std::vector<std::uint32_t> patch;
         std::vector<float> weight;
+        // Through panes: may be coloured. Empty without them.
+        std::vector<std::uint64_t> filtered_first;
+        std::vector<std::uint32_t> filtered_patch;
+        std::vector<Rgb> filtered_weight;
     };
     void make_patches();
     std::vector<Rgbd> solve_patches();
@@ -123,6 +146,17 @@ private:
     std::vector<Rgbd> gathered_emission(bool only_unlisted) const;
     std::vector<Rgbd> solve(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho,
                             std::uint32_t* iterations, double* residual);
+    // transmission_rows.cpp
+    void note_panes(std::uint64_t ray, Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t& code, PaneRays& out) const;
+    std::uint32_t code_at(const SceneHit& hit) const;
+    void merge_filtered(Rows& rows) const;
+    void merge_filtered(const Rows& fine, const std::vector<std::uint32_t>& parent, const std::vector<std::vector<std::uint32_t>>& children, const std::vector<double>& area, Rows& rows) const;
+    std::uint32_t emitter_of(std::uint32_t code) const;
+    Rgbd emission_through_panes(std::uint64_t ray, std::uint32_t patch, bool only_unlisted) const;
+    double light_through_panes(std::uint64_t ray, std::uint32_t patch) const;
+    // Of a ray that meets `behind` at `far`: what the panes before it make of that, and their own light.
+    Rgbd through_panes(Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
+                       const ReflectedLight& light, int depth, Rgbd behind) const;
     // direct.cpp
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
@@ -194,6 +228,7 @@ private:
     std::vector<std::uint8_t> covered_;        // per patch: it looks into what is solid; nothing is baked there
     std::vector<std::uint32_t> hits_;          // row_rays per patch, in ray order
     std::vector<std::uint8_t> hit_cells_;      // of those rays, in guides of the patch's chart
+    PaneRays pane_rays_;
     std::vector<double> estimate_;             // per patch: mean irradiance, everything gathered
     double residual_ = 0;                      // relative, of the last solution
     double floor_ = 0;                         // irradiance below which errors are not relative any more

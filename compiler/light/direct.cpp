@@ -10,6 +10,7 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
 constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
+constexpr double kAlike = 0.35;         // error targets by which what panes let through may differ over a luxel without a closer look
 constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a light in full view is evaluated
 double square(double x) {
     return x * x;
@@ -150,16 +151,19 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             std::fill(met.begin(), met.end(), 0);
             for (std::uint32_t i = 0; i < quality_.row_rays; ++i) {
                 const std::uint32_t hit = hits_[static_cast<std::size_t>(p) * quality_.row_rays + i];
-                const std::uint32_t k = is_patch(hit)     ? patch_emitter_[hit]
-                                        : hit < kHitBlack ? hit & ~kHitEmitter
-                                                          : UINT32_MAX;
-                if (k != UINT32_MAX) met[k] = 1;
+                if (hit == kHitPanes) {
+                    for (const PaneRays::Met& m : pane_rays_.of(static_cast<std::size_t>(p) * quality_.row_rays + i))
+                        if (const std::uint32_t k = emitter_of(m.code); k != UINT32_MAX) met[k] = 1;
+                    continue;
+                }
+                if (const std::uint32_t k = emitter_of(hit); k != UINT32_MAX) met[k] = 1;
             }
             for (std::uint32_t i = 0; i < emitters_.emitters.size(); ++i) {
                 const Emitter& emitter = emitters_.emitters[i];
                 const double least = threshold(p, i), most = least < 1e30 ? form_factor_bound(p, i) : 0;
                 if (most < least) continue;
                 std::uint32_t seen = 0, tested = 0;
+                bool filtered = false;
                 double factor = 0;
                 const std::uint32_t tests = most > 400 * least ? thorough : quality_.visibility_rays;
                 const std::uint32_t early = most > 400 * least ? tests : 4;
@@ -172,14 +176,17 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     const double cx = dot(at.normal, d), cy = -dot(emitter.normal, d), r2 = dot(d, d);
                     if (cx <= 0 || cy <= 0) continue; // says nothing about what stands between
                     ++tested, ++rays;
-                    if (scene_.occluded(x, y)) continue;
+                    bool blocked = false;
+                    const Rgbd through = scene_.transmitted(x, y, {.start = radius / std::sqrt(1.0 * tests), .end = std::sqrt(emitter.area / tests), .start_normal = at.normal, .end_normal = emitter.normal}, &blocked);
+                    if (blocked) continue;
+                    filtered |= through != Rgbd{1, 1, 1};
                     ++seen;
-                    factor += std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
+                    factor += mean(through) * std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
                 }
                 if (!seen && !met[i]) continue;
                 if (seen && !met[i] && factor / tested < least) continue;
                 const double share = kPi * mean(emitter.radiance) * most / 4 / e;
-                emitters[p].push_back({i, true, seen != tested, false, penumbra_samples(share)});
+                emitters[p].push_back({i, true, seen != tested, false, penumbra_samples(share), filtered});
             }
             // Entities, until all that are left together cannot matter beside what has been found.
             double found = std::max(estimate_[p], floor_);
@@ -188,6 +195,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 left -= bright;
                 const Light& light = lights_[i];
                 std::uint32_t seen = 0, tested = 0;
+                bool filtered = false;
                 double brought = 0;
                 const std::uint32_t tests = bright > kStrong * found ? thorough : quality_.visibility_rays;
                 for (std::uint32_t k = 0; k < tests; ++k) {
@@ -197,14 +205,17 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     LightSample s;
                     if (!sample_light(light, x, at.normal, points.pair(k, 2), &s)) continue;
                     ++tested, ++rays;
-                    if (!arrives(scene_, x, s)) continue;
+                    bool blocked = false;
+                    const Rgbd through = arriving(scene_, x, s, radius / std::sqrt(1.0 * tests), at.normal, part_of_disc(light, tests), &blocked);
+                    if (blocked) continue;
+                    filtered |= through != Rgbd{1, 1, 1};
                     ++seen;
-                    brought += mean(s.weight) * dot(s.direction, at.normal) + mean(s.ambient);
+                    brought += mean(through) * (mean(s.weight) * dot(s.direction, at.normal) + mean(s.ambient));
                 }
                 if (!tested) continue;
                 found += brought / tested;
                 entities[p].push_back(
-                    {i, false, seen != tested && seen > 0, seen == 0, penumbra_samples(bright / found)});
+                    {i, false, seen != tested && seen > 0, seen == 0, penumbra_samples(bright / found), filtered});
             }
             if (memo_) {
                 PatchLights all{emitters[p], entities[p], rays - rays_before};
@@ -225,9 +236,9 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         for (const LightRef& r : emitters[from]) {
             const auto at = std::ranges::find(lists_[to], r.light, &LightRef::light);
             if (at != lists_[to].end())
-                at->penumbra |= r.penumbra;
+                at->penumbra |= r.penumbra, at->filtered |= r.filtered;
             else if (form_factor_bound(to, r.light) >= threshold(to, r.light))
-                lists_[to].push_back({r.light, true, true, false, r.samples});
+                lists_[to].push_back({r.light, true, true, false, r.samples, r.filtered});
         }
         for (LightRef& r : lists_[to])
             if (std::ranges::find(emitters[from], r.light, &LightRef::light) == emitters[from].end())
@@ -238,6 +249,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         for (LightRef& r : spread[to]) {
             const auto at = std::ranges::find(entities[from], r.light, &LightRef::light);
             if (at != entities[from].end() && (at->hidden != r.hidden || at->penumbra)) r.penumbra = true;
+            if (at != entities[from].end()) r.filtered |= at->filtered;
         }
     };
     for (const auto& [a, b] : edges_) {
@@ -308,20 +320,31 @@ void Bake::direct_at(std::span<const LightRef> refs, const Footprint& footprint,
         // Light at one place, from `each` points at least of an emitter; `trace`: only what arrives, counted in
         // `seen`.
         std::uint32_t seen = 0, tested = 0;
+        // Panes take their share of each ray, by its part of the luxel (`width`) and of the light; `filter`: where no ray is traced as well.
+        bool filter = false;
+        double width = std::sqrt(footprint.area()), least_through = 1, most_through = 0;
+        std::uint32_t parts_of_disc = 1;
+        const auto note = [&](Rgbd through) {
+            const double share = mean(through);
+            least_through = std::min(least_through, share), most_through = std::max(most_through, share);
+        };
         const auto shine = [&](const Point& at, std::uint32_t index, std::uint32_t each, bool trace, KernelSum* out) {
             const Vec3 x = at.position, normal = at.normal;
             if (ref.is_emitter) {
                 const Emitter& e = emitters_.emitters[ref.light];
                 const Vec3 off = e.normal * scene_.push_off();
                 const auto bring = [&](Vec3 y, Vec3 flux) {
-                    if (trace) {
-                        ++tested;
-                        if (scene_.occluded(x, y + off)) return;
-                        ++seen;
+                    Rgbd through{1, 1, 1};
+                    if (trace || filter) {
+                        bool blocked = false;
+                        through = scene_.transmitted(x, y + off, {.start = width, .end = std::sqrt(e.area / each), .start_normal = normal, .end_normal = e.normal}, &blocked);
+                        tested += trace;
+                        if (blocked) return;
+                        seen += trace, note(through);
                     }
                     if (!out) return;
                     const double solid = length(flux);
-                    kernel.add(*out, flux / solid, e.radiance * solid);
+                    kernel.add(*out, flux / solid, through * (e.radiance * solid));
                 };
                 if (!trace) {
                     emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, EmitterSet::Arrival::whole, bring);
@@ -354,32 +377,40 @@ void Bake::direct_at(std::span<const LightRef> refs, const Footprint& footprint,
             for (std::uint32_t k = 0; k < many; ++k) {
                 LightSample s;
                 if (!sample_light(light, x, normal, points.pair(index * many + k, 2), &s)) continue;
-                if (trace) {
-                    ++tested;
-                    if (!arrives(scene_, x, s)) return;
-                    ++seen;
+                Rgbd through{1, 1, 1};
+                if (trace || filter) {
+                    bool blocked = false;
+                    through = arriving(scene_, x, s, width, normal, part_of_disc(light, trace ? parts_of_disc : many), &blocked);
+                    tested += trace;
+                    if (blocked && trace) return;
+                    if (blocked) continue;
+                    seen += trace, note(through);
                 }
                 if (!out) return;
-                kernel.add(*out, s.direction, s.weight * (1.0 / many));
-                if (light.angle_scale < 1) kernel.add(*out, normal, s.ambient * (1.0 / many));
+                kernel.add(*out, s.direction, through * (s.weight * (1.0 / many)));
+                if (light.angle_scale < 1) kernel.add(*out, normal, through * (s.ambient * (1.0 / many)));
             }
         };
         if (!ref.penumbra) {
             // In full view of the patch, or not seen at all: a few rays to make sure, more for a strong light.
             // Where they agree there is no noise: the light is evaluated in the middle, its gradient cancels over
             // the luxel. What does not is about (size / distance)^2, shared by the places where it is evaluated.
-            const std::uint32_t checks = ref.samples <= 2 ? 1 : 4;
+            const std::uint32_t checks = ref.samples <= 2 && !ref.filtered ? 1 : 4;
             for (std::uint32_t k = 0; k < checks; ++k)
                 shine(checks == 1 && !ref.hidden ? middle : place(k), k, 1, true, nullptr);
             *rays += tested;
             if (seen == (ref.hidden ? 0 : tested)) {
                 if (ref.hidden) continue;
+                filter = ref.filtered || least_through < 1;
                 // A grid where there can be one: its gradients cancel as that of the middle does.
                 const double wanted = footprint.area() / (square(distance_to(ref, middle.position)) * 0.01 * options_.error_percent);
                 const bool grid = footprint.whole_square();
                 std::uint32_t side = grid ? 1 : 2;
                 while (side < kMostSide && side * side < wanted) side = grid && side < 4 ? side + 1 : 2 * side;
+                // What panes let through differs over the luxel: within the squares of a grid their textures are averaged exactly, their rims are not.
+                if (most_through - least_through > kAlike * 0.01 * options_.error_percent * most_through) side = std::max(side, options_.error_percent > 6 ? 4u : 8u);
                 const std::uint32_t places = side * side;
+                width /= side;
                 KernelSum part;
                 for (std::uint32_t k = 0; k < places; ++k) {
                     const Vec2 at{(k % side + 0.5) / side, (k / side + 0.5) / side};
@@ -399,6 +430,7 @@ void Bake::direct_at(std::span<const LightRef> refs, const Footprint& footprint,
         const std::uint32_t samples = std::uint32_t{ref.samples} * effort_[patch];
         const std::uint32_t places = near ? std::max<std::uint32_t>(samples / 8, samples < 8 ? 2 : 4) : samples;
         const std::uint32_t each = near ? 2 * samples / places : 1;
+        width = std::sqrt(footprint.area() / places), parts_of_disc = places;
         KernelSum part;
         double squares = 0;
         for (std::uint32_t k = 0; k < places; ++k) {

@@ -6,6 +6,7 @@
 #include "compiler/light/field.h"
 #include "compiler/light/lambert.h"
 #include "libs/sampling/sobol.h"
+#include <numbers>
 
 namespace kiln {
 
@@ -213,11 +214,16 @@ struct LightSample {
     bool distant = false; // sun: visible where a ray reaches the sky
 };
 bool sample_light(const Light& light, Vec3 x, Vec3 n, Vec2 u, LightSample* out);
-// Does it arrive?
-inline bool arrives(const TraceScene& scene, Vec3 x, const LightSample& s) {
-    return s.distant ? scene.reaches_sky(x, s.direction) : !scene.occluded(x, s.position);
+// The share of it that arrives. `place`: width of what x stands for, on a surface of that normal; `disc`: of what the sample stands for, of a sun.
+inline Rgbd arriving(const TraceScene& scene, Vec3 x, const LightSample& s, double place = 0, Vec3 normal = {}, double disc = 0, bool* blocked = nullptr) {
+    return s.distant ? scene.transmitted_from_sky(x, s.direction, {.start = place, .end = disc, .start_normal = normal}, blocked)
+                     : scene.transmitted(x, s.position, {.start = place, .start_normal = normal}, blocked);
 }
-// Does x see the light itself, of a sun its middle?
+// Width of one of `samples` parts of a sun's disc, a unit of way.
+inline double part_of_disc(const Light& light, double samples) {
+    return light.kind == LightKind::sun ? std::sqrt(std::numbers::pi / samples) * light.angular_radius_rad : 0;
+}
+// Does x see the light itself, of a sun its middle, be it through panes?
 inline bool sees(const TraceScene& scene, Vec3 x, const Light& light) {
     return light.kind == LightKind::sun ? scene.reaches_sky(x, -light.direction) : !scene.occluded(x, light.position);
 }

@@ -166,10 +166,11 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
         for (std::uint32_t k = 0; k < samples; ++k) {
             LightSample s;
             if (!sample_light(light, x, normal, points.pair(k, 0), &s)) continue;
-            if (!arrives(d.scene, x, s)) continue;
-            arrival(s.direction, s.weight * (1.0 / samples));
+            const Rgbd through = kiln::arriving(d.scene, x, s, 0, {}, part_of_disc(light, samples));
+            if (!(max_component(through) > 0)) continue;
+            arrival(s.direction, through * (s.weight * (1.0 / samples)));
             if (light.angle_scale < 1)
-                arrival(normal == Vec3{} ? s.direction : normal, s.ambient * (1.0 / samples));
+                arrival(normal == Vec3{} ? s.direction : normal, through * (s.ambient * (1.0 / samples)));
         }
     }
 }
@@ -203,9 +204,33 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
     d.scene.closest(origins, directions, hits);
     std::vector<Rgbd> radiance(rays);
     std::vector<std::uint32_t> emitter(rays, UINT32_MAX);
+    struct PaneLight { // of a pane that shines
+        std::uint32_t ray, emitter;
+        Rgbd through;
+    };
+    std::vector<PaneLight> pane_lights;
+    std::vector<Rgbd> through(d.scene.has_panes() ? rays : 0, Rgbd{1, 1, 1}); // of a ray, to the end of it
+    std::vector<PaneHit> panes;
     Rgbd total;
     for (std::uint32_t i = 0; i < rays; ++i) {
         const double k = free ? 0.25 : dot(directions[i], normal); // mean of max(0, cos) over axes
+        Rgbd of_panes;
+        if (!through.empty()) {
+            d.scene.panes(x, directions[i], hits[i] ? hits[i]->distance : 1e30, {.end = std::sqrt(solid[i])}, panes);
+            Random random(mix(seed, i, std::uint64_t{26}));
+            for (const PaneHit& pane : panes) {
+                if (pane.opacity > 0) {
+                    const bool is_near = d.is_near(pane.hit);
+                    if (is_near && !lights_near) lights_near.emplace(d, x), tracer.near = &*lights_near;
+                    of_panes += through[i] * (is_near ? tracer.reflected(pane.hit, directions[i], random, true) : d.reflected(pane.hit)) * pane.opacity;
+                }
+                if (const std::uint32_t e = d.emitter(pane.hit, directions[i]); e != UINT32_MAX) {
+                    pane_lights.push_back({i, e, through[i]});
+                    total += through[i] * d.emitters.emitters[e].radiance * (solid[i] * k);
+                }
+                through[i] = through[i] * pane.through;
+            }
+        }
         if (!hits[i]) {
             radiance[i] = d.sky;
         } else if (!hits[i]->back) {
@@ -217,8 +242,9 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
                 if (looked) looked->at(d.lights_part(x));
             }
             radiance[i] = is_near ? tracer.reflected(*hits[i], directions[i], random, true) : d.reflected(*hits[i], looked);
-            if (emitter[i] != UINT32_MAX) total += d.emitters.emitters[emitter[i]].radiance * (solid[i] * k);
+            if (emitter[i] != UINT32_MAX) total += (through.empty() ? Rgbd{1, 1, 1} : through[i]) * (d.emitters.emitters[emitter[i]].radiance * (solid[i] * k));
         }
+        if (!through.empty()) radiance[i] = of_panes + through[i] * radiance[i];
         total += radiance[i] * (solid[i] * k);
     }
     // Emitters whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see
@@ -227,6 +253,7 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
     std::vector<std::uint8_t> listed(d.emitters.emitters.size()), met(listed.size());
     for (const std::uint32_t i : emitter)
         if (i != UINT32_MAX) met[i] = 1;
+    for (const PaneLight& p : pane_lights) met[p.emitter] = 1;
     const std::uint32_t samples = std::clamp(rays / 32, 4u, 64u);
     for (std::uint32_t i = 0; i < listed.size(); ++i) {
         const Emitter& emitter_i = d.emitters.emitters[i];
@@ -247,39 +274,62 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         }
         if (!listed[i]) continue;
         d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, [&](Vec3 y, Vec3 flux) {
-            if (d.scene.occluded(x, y + off)) return;
+            const Rgbd arrives = d.scene.transmitted(x, y + off, {.end = std::sqrt(emitter_i.area / samples), .end_normal = emitter_i.normal});
+            if (!(max_component(arrives) > 0)) return;
             const double share = length(flux);
-            arrival(flux / share, emitter_i.radiance * share);
+            arrival(flux / share, arrives * (emitter_i.radiance * share));
         });
     }
+    for (const PaneLight& p : pane_lights)
+        if (!listed[p.emitter]) radiance[p.ray] += p.through * d.emitters.emitters[p.emitter].radiance;
     for (std::uint32_t i = 0; i < rays; ++i) {
         if (emitter[i] != UINT32_MAX && !listed[emitter[i]])
-            radiance[i] += d.emitters.emitters[emitter[i]].radiance;
+            radiance[i] += (through.empty() ? Rgbd{1, 1, 1} : through[i]) * d.emitters.emitters[emitter[i]].radiance;
         if (max_component(radiance[i]) > 0) arrival(directions[i], radiance[i] * solid[i]);
     }
 }
 
-Rgb LightField::radiance(Vec3 origin, Vec3 unit_direction, SceneHit* out) const {
-    const Data& d = *data_;
-    const std::optional<SceneHit> hit = d.scene.closest(origin, unit_direction);
-    if (!hit) return static_cast<Rgb>(d.sky);
-    if (out) *out = *hit;
-    if (hit->back) return {};
+// Radiance of one face as an engine shows it.
+Rgbd LightField::Data::shown(const SceneHit& hit, Vec3 direction) const {
     Rgbd emitted;
-    const std::uint32_t e = d.emitter(*hit, unit_direction);
-    if (e != UINT32_MAX) emitted = d.emitters.emitters[e].radiance;
-    const Face& face = d.surfaces.faces[hit->face.at()];
-    if (!face.chart.valid()) return static_cast<Rgb>(emitted + d.reflected(*hit));
-    // As an engine shows it: four texels, bilinear; texels of no face left out.
+    const std::uint32_t e = emitter(hit, direction);
+    if (e != UINT32_MAX) emitted = emitters.emitters[e].radiance;
+    return emitted + lit(hit);
+}
+
+Rgbd LightField::Data::lit(const SceneHit& hit) const {
+    const Face& face = surfaces.faces[hit.face.at()];
+    if (!face.chart.valid()) return reflected(hit);
+    // Four texels, bilinear; texels of no face left out.
     Rgbd sum;
     double weight = 0;
-    for_each_bilinear(d.surfaces, hit->face, hit->position, [&](std::size_t t, double w) {
-        if (!d.lighting.valid[t]) return;
-        sum += static_cast<Rgbd>(d.lighting.flat[t]) * w, weight += w;
+    for_each_bilinear(surfaces, hit.face, hit.position, [&](std::size_t t, double w) {
+        if (!lighting.valid[t]) return;
+        sum += static_cast<Rgbd>(lighting.flat[t]) * w, weight += w;
     });
-    if (!(weight > 0)) return static_cast<Rgb>(emitted + d.reflected(*hit));
-    const Rgbd rho = face.drawn ? static_cast<Rgbd>(d.world.materials[face.material.at()].reflectance) : Rgbd{};
-    return static_cast<Rgb>(emitted + rho * sum * (1 / (weight * kPi)));
+    if (!(weight > 0)) return reflected(hit);
+    const Rgbd rho = face.drawn ? static_cast<Rgbd>(world.materials[face.material.at()].reflectance) : Rgbd{};
+    return rho * sum * (1 / (weight * kPi));
+}
+
+Rgb LightField::radiance(Vec3 origin, Vec3 unit_direction, SceneHit* out, double width) const {
+    const Data& d = *data_;
+    const std::optional<SceneHit> hit = d.scene.closest(origin, unit_direction);
+    Rgbd sum, through{1, 1, 1};
+    if (d.scene.has_panes()) {
+        std::vector<PaneHit> panes;
+        d.scene.panes(origin, unit_direction, hit ? hit->distance : 1e30, {.end = width}, panes);
+        for (const PaneHit& pane : panes) {
+            const std::uint32_t e = d.emitter(pane.hit, unit_direction);
+            if (e != UINT32_MAX) sum += through * d.emitters.emitters[e].radiance;
+            if (pane.opacity > 0) sum += through * d.lit(pane.hit) * pane.opacity;
+            through = through * pane.through;
+        }
+    }
+    if (!hit) return static_cast<Rgb>(sum + through * d.sky);
+    if (out) *out = *hit;
+    if (hit->back) return static_cast<Rgb>(sum);
+    return static_cast<Rgb>(sum + through * d.shown(*hit, unit_direction));
 }
 
 } // namespace kiln

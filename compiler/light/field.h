@@ -17,6 +17,21 @@ struct SceneHit {
     bool sky = false;
 };
 
+// A ray stands for a bundle: of the square of width `start` (0: a point) it begins in and that of width `end` where it ends. A texture of holes is
+// averaged over what the bundle covers of it. `length`: of a ray that goes from one to the other; 0: `end` is what it grows by a unit of way, as a cone does.
+struct Widths {
+    double start = 0, end = 0, length = 0;
+    Vec3 start_normal{}, end_normal{}; // of the squares; none: across the ray
+};
+
+// Where a ray crosses a pane: what is seen of it (times its own reflected light) and what comes through.
+struct PaneHit {
+    SceneHit hit;
+    bool front = false;
+    double opacity = 0; // from behind 0: there a pane takes light away and sends none
+    Rgbd through{1, 1, 1};
+};
+
 // The ray-traced world: Embree over shared vertices, robust, one instruction set; hits re-evaluated in double.
 class TraceScene {
 public:
@@ -33,6 +48,15 @@ public:
     bool occluded(Vec3 from, Vec3 to) const;
     // Does a ray reach a sky face (or, in a map that leaks, nothing at all)?
     bool reaches_sky(Vec3 origin, Vec3 unit_direction) const;
+    // Faces that let a part of the light through are no blockers for all of these. Are there any?
+    bool has_panes() const;
+    // Those that a ray crosses before `far`, nearest first.
+    void panes(Vec3 origin, Vec3 unit_direction, double far, const Widths& widths, std::vector<PaneHit>& out) const;
+    // The share of light that comes from one point to another: 0 where something blocks it (then `blocked` is set; a pane that lets nothing through
+    // just there does not). `widths.length` need not be set.
+    Rgbd transmitted(Vec3 from, Vec3 to, Widths widths = {}, bool* blocked = nullptr) const;
+    // The same of light from a sky face (`widths`: a cone).
+    Rgbd transmitted_from_sky(Vec3 origin, Vec3 unit_direction, const Widths& widths = {}, bool* blocked = nullptr) const;
     // How far in front of its surface a ray should start, map units.
     double push_off() const;
     // "avx2", or "sse4.2" on a processor without it: part of what the bytes of a bake depend on.
@@ -70,7 +94,8 @@ public:
     std::vector<std::uint64_t> part_states() const;
     std::uint64_t state() const;
     // Radiance leaving what a ray sees: emission + reflectance/pi * lightmap irradiance, or the sky. For probes.
-    Rgb radiance(Vec3 origin, Vec3 unit_direction, SceneHit* hit = nullptr) const;
+    // What stands behind panes is seen through them. `width`: of the cone that the ray stands for, a unit of way.
+    Rgb radiance(Vec3 origin, Vec3 unit_direction, SceneHit* hit = nullptr, double width = 0) const;
 
     struct Data;
     const Data& data() const; // for the path tracer of this folder

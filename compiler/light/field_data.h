@@ -26,6 +26,9 @@ struct LightField::Data {
 
     // Radiance reflected at a hit: the luxel's, or the patch's where a texel is shared by several.
     Rgbd reflected(const SceneHit& hit, Looked* looked = nullptr) const;
+    // The same from the lightmap as it is displayed; with what the face emits.
+    Rgbd lit(const SceneHit& hit) const;
+    Rgbd shown(const SceneHit& hit, Vec3 direction) const;
     // Is a hit so close to where its ray began that the light of its luxel is no good answer?
     bool is_near(const SceneHit& hit) const;
     // The emitter that shines from a hit, seen from its front; UINT32_MAX: none.

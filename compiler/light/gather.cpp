@@ -111,10 +111,12 @@ void Bake::patch_guide(std::uint32_t p, Guide* guide) const {
             const std::uint32_t hit = hits_[i];
             double light = 0;
             std::uint32_t emitter = UINT32_MAX;
-            if (is_patch(hit)) {
+            if (hit == kHitPanes) {
+                light = light_through_panes(i, p);
+            } else if (is_patch(hit)) {
                 light = bright_[hit];
                 emitter = patch_emitter_[hit];
-            } else if (hit < kHitBlack) {
+            } else if (hit < kHitPanes) {
                 emitter = hit & ~kHitEmitter;
             }
             if (emitter != UINT32_MAX && !listed(p, emitter))
@@ -153,11 +155,11 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
             arriving += part;
             if (random() * arriving < part) target = y;
         });
-        if (arriving > 0 && !scene_.occluded(x, target + e.normal * scene_.push_off())) light = e.radiance * arriving;
+        if (arriving > 0) light = scene_.transmitted(x, target + e.normal * scene_.push_off()) * (e.radiance * arriving);
     } else {
         LightSample s;
         const double u = random(), v = random();
-        if (sample_light(lights_[list[at].light], x, normal, {u, v}, &s) && arrives(scene_, x, s)) light = s.weight * dot(s.direction, normal) + s.ambient;
+        if (sample_light(lights_[list[at].light], x, normal, {u, v}, &s)) light = arriving(scene_, x, s) * (s.weight * dot(s.direction, normal) + s.ambient);
     }
     return light * scale;
 }
@@ -190,6 +192,8 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                     const std::uint32_t e = emitters_.of_face[next->face.at()];
                     if (e != UINT32_MAX && !listed(patch, e)) radiance += emitters_.emitters[e].radiance;
                 }
+                if (scene_.has_panes())
+                    radiance = through_panes(hit.position + n * scene_.push_off(), way, next ? next->distance : 1e30, {}, patch, {}, random, light, depth + 1, radiance);
                 const Rgbd reflectance = static_cast<Rgbd>(patches_.patches[patch].reflectance);
                 const Rgbd direct = light.steep[texel] ? reflectance * one_light_at(patch, hit.position + n * scene_.push_off(), n, random) * (1 / kPi)
                                                        : static_cast<Rgbd>(light.direct[texel]);
@@ -253,25 +257,31 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     Rgbd cross_sum;
     double unit_square = 0;
     std::array<KernelSum, 4> quarter{};
+    const auto seen = [&](std::uint32_t i, Random& random, const ReflectedLight& light, Rgbd behind) {
+        if (!scene_.has_panes()) return behind;
+        const Widths widths{.start = std::sqrt(footprint.area() / rays), .end = std::sqrt(weights[i] / rays), .start_normal = normal};
+        return through_panes(origins[i], directions[i], found[i] ? found[i]->distance : 1e30, widths, patch, heavy, random, light, 0, behind);
+    };
     for (std::uint32_t i = 0; i < rays; ++i) {
         const std::array<double, 4> k = kernel.values(directions[i]);
-        Rgbd radiance;
+        Rgbd radiance, coarser;
+        Random random(mix(seed, i)), same = random;
         if (!found[i]) {
-            radiance = sky;
+            radiance = coarser = sky;
             ++out.hits.escaped;
         } else if (found[i]->back) {
             ++out.hits.back;
         } else {
-            Random random(mix(seed, i)), same = random;
             radiance = reflected_at(*found[i], directions[i], random, reflected_, looked, 0);
             Rgbd emitted;
             const std::uint32_t emitter = emitters_.of_face[found[i]->face.at()];
             if (emitter != UINT32_MAX && !listed(patch, emitter) && !std::ranges::binary_search(heavy, emitter))
                 emitted = emitters_.emitters[emitter].radiance;
             radiance += emitted;
-            if (coarse)
-                kernel.add(*coarse_sum, k, (reflected_at(*found[i], directions[i], same, *coarse, looked, 0) + emitted) * (weights[i] / rays));
+            if (coarse) coarser = reflected_at(*found[i], directions[i], same, *coarse, looked, 0) + emitted;
         }
+        radiance = seen(i, random, reflected_, radiance);
+        if (coarse) kernel.add(*coarse_sum, k, seen(i, same, *coarse, coarser) * (weights[i] / rays));
         const double w = weights[i];
         kernel.add(quarter[i * 4 / rays], k, radiance * w);
         for (std::size_t j = 0; j < 4; ++j) unit[j] += w * k[j];

@@ -45,9 +45,10 @@ struct PathTracer {
         const double cosine = -dot(*way, emitter.normal);
         if (cosine <= 1e-12 || (!(n == Vec3{}) && dot(*way, n) <= 0)) return false;
         count();
-        if (d.scene.occluded(x, y + emitter.normal * d.scene.push_off())) return false;
+        const Rgbd through = d.scene.transmitted(x, y + emitter.normal * d.scene.push_off());
+        if (!(max_component(through) > 0)) return false;
         const double p = density_of(choice, e, to, cosine);
-        *weight = emitter.radiance / (p + other(*way));
+        *weight = through * emitter.radiance / (p + other(*way));
         return true;
     }
     // Irradiance from entities at a surface vertex.
@@ -56,8 +57,9 @@ struct PathTracer {
         const double a = random(), b = random();
         if (!sample_light(light, x, n, {a, b}, &s)) return {};
         count();
-        if (!arrives(d.scene, x, s)) return {};
-        return s.weight * dot(s.direction, n) + s.ambient;
+        const Rgbd through = arriving(d.scene, x, s);
+        if (!(max_component(through) > 0)) return {};
+        return through * (s.weight * dot(s.direction, n) + s.ambient);
     }
     Rgbd entities(Vec3 x, Vec3 n, Random& random) const {
         Rgbd e;
@@ -73,6 +75,7 @@ struct PathTracer {
     }
     // Radiance that a bundle of the given density (of solid angle) meets in the direction `way` from x; what shines is weighted
     // against the explicit samples of `choice` by the balance heuristic.
+    // Every pane on the way gives its share.
     Rgbd met(const Choice& choice, Vec3 x, Vec3 way, double density, Random& random) const;
     // Radiance reflected at `hit` towards where the ray came from. `cached`: a vertex further than a luxel or two
     // from the one before takes what the bake stored there, and the path ends.

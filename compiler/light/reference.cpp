@@ -53,7 +53,30 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached)
         const double a = random(), b = random();
         const Vec3 next = frame_around(n).world(cosine_hemisphere({a, b}));
         count();
-        const std::optional<SceneHit> found = d.scene.closest(x, next);
+        std::optional<SceneHit> found = d.scene.closest(x, next);
+        if (d.scene.has_panes()) { // the path goes on from one of them or through all, drawn by what each makes of the light
+            const double q = dot(next, n) / kPi;
+            std::vector<PaneHit> panes;
+            d.scene.panes(x, next, found ? found->distance : 1e30, {}, panes);
+            bool turned = false;
+            for (const PaneHit& pane : panes) {
+                if (const std::uint32_t e = d.emitter(pane.hit, next); e != UINT32_MAX)
+                    sum += throughput * d.emitters.emitters[e].radiance * (q / (q + density_of(choice, e, pane.hit.position - x, -dot(next, d.emitters.emitters[e].normal))));
+                const double passes = mean(pane.through), all = passes + pane.opacity;
+                if (!(all > 0)) throughput = {};
+                if (pane.opacity > 0 && random() * all < pane.opacity) {
+                    throughput *= all; // opacity / (opacity / all)
+                    found = pane.hit, turned = true;
+                    break;
+                }
+                if (all > 0) throughput = throughput * pane.through * (all / std::max(passes, 1e-30));
+            }
+            if (!(max_component(throughput) > 0)) break;
+            if (turned) {
+                hit = *found, came = next;
+                continue;
+            }
+        }
         if (!found) {
             sum += throughput * d.sky;
             break;
@@ -73,15 +96,27 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached)
 Rgbd PathTracer::met(const Choice& choice, Vec3 x, Vec3 way, double density, Random& random) const {
     count();
     const std::optional<SceneHit> hit = d.scene.closest(x, way);
-    if (!hit) return d.sky;
-    if (hit->back) return {};
-    Rgbd radiance = reflected(*hit, way, random, false);
-    const std::uint32_t e = d.emitter(*hit, way);
-    if (e != UINT32_MAX) {
-        const double other = density_of(choice, e, hit->position - x, -dot(way, d.emitters.emitters[e].normal));
-        radiance += d.emitters.emitters[e].radiance * (density / (other + density));
+    const auto emitted = [&](const SceneHit& at) {
+        const std::uint32_t e = d.emitter(at, way);
+        if (e == UINT32_MAX) return Rgbd{};
+        const double other = density_of(choice, e, at.position - x, -dot(way, d.emitters.emitters[e].normal));
+        return d.emitters.emitters[e].radiance * (density / (other + density));
+    };
+    Rgbd sum, through{1, 1, 1};
+    if (d.scene.has_panes()) {
+        std::vector<PaneHit> panes;
+        d.scene.panes(x, way, hit ? hit->distance : 1e30, {}, panes);
+        for (const PaneHit& pane : panes) {
+            sum += through * emitted(pane.hit);
+            if (pane.opacity > 0) sum += through * reflected(pane.hit, way, random, false) * pane.opacity;
+            through = through * pane.through;
+        }
+        if (!(max_component(through) > 0)) return sum;
     }
-    return radiance;
+    if (!hit) return sum + through * d.sky;
+    if (hit->back) return sum;
+    const Rgbd radiance = reflected(*hit, way, random, false);
+    return sum + through * (radiance + emitted(*hit));
 }
 
 void reference_arriving(const LightField& field, Vec3 point, Vec3 normal, std::uint32_t paths, std::uint64_t seed,

@@ -20,6 +20,7 @@ void Bake::trace_rows() {
     covered_.assign(n, 0);
     constexpr std::size_t kChunk = 16;
     std::vector<HitCounts> counts((n + kChunk - 1) / kChunk);
+    std::vector<PaneRays> through(scene_.has_panes() ? counts.size() : 0);
     parallel_for(context_, "light: form factors", counts.size(), [&](std::size_t chunk) {
         std::vector<Vec3> origins(m), directions(m);
         std::vector<std::optional<SceneHit>> found(m);
@@ -50,12 +51,11 @@ void Bake::trace_rows() {
                 } else if (found[i]->back) {
                     code = kHitBack, ++c.back;
                 } else {
-                    const SceneHit& hit = *found[i];
-                    code = patch_at(surfaces_, index_, patches_.texel_patch, patches_.piece_patch,
-                                    patches_.face_patch, hit.face, hit.position);
-                    const std::uint32_t emitter = emitters_.of_face[hit.face.at()];
-                    if (code == kNoPatch) code = emitter != UINT32_MAX ? kHitEmitter | emitter : kHitBlack;
+                    code = code_at(*found[i]);
                 }
+                if (!through.empty())
+                    note_panes(p * m + i, origins[i], directions[i], found[i] ? found[i]->distance : 1e30,
+                               {.start = std::sqrt(patch.area / m), .end = std::sqrt(std::numbers::pi / m), .start_normal = face.normal}, code, through[chunk]);
             }
             // A face of a brush model that stands in the world's solid, say: no light, and no leak either.
             if (2 * (c.back + (sealed_ ? c.escaped : 0)) > m) {
@@ -66,6 +66,7 @@ void Bake::trace_rows() {
             counts[chunk] += c;
         }
     });
+    pane_rays_ = joined(through);
     HitCounts all;
     for (const HitCounts& c : counts) all += c;
     counts_ += all;
@@ -99,6 +100,7 @@ Bake::Rows Bake::merge_rows() const {
         all.weight.insert(all.weight.end(), part.weight.begin(), part.weight.end());
     }
     all.first.push_back(all.patch.size());
+    if (scene_.has_panes()) merge_filtered(all);
     return all;
 }
 
@@ -114,10 +116,14 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
                 out[p] += sky;
                 continue;
             }
+            if (hit == kHitPanes) {
+                out[p] += emission_through_panes(p * m + i, static_cast<std::uint32_t>(p), only_unlisted);
+                continue;
+            }
             std::uint32_t emitter = UINT32_MAX;
             if (is_patch(hit))
                 emitter = patch_emitter_[hit];
-            else if (hit < kHitBlack)
+            else if (hit < kHitPanes)
                 emitter = hit & ~kHitEmitter;
             if (emitter == UINT32_MAX) continue;
             if (only_unlisted && listed(static_cast<std::uint32_t>(p), emitter)) continue;
@@ -133,6 +139,8 @@ std::vector<Rgbd> Bake::solve(const Rows& rows, const std::vector<Rgbd>& direct,
                               std::uint32_t* iterations, double* residual) {
     Bounces solved = solve_bounces(direct, rho, quality_.iteration, context_, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
         for (std::uint64_t k = rows.first[p]; k < rows.first[p + 1]; ++k) sum += b[rows.patch[k]] * static_cast<double>(rows.weight[k]);
+        if (rows.filtered_first.empty()) return;
+        for (std::uint64_t k = rows.filtered_first[p]; k < rows.filtered_first[p + 1]; ++k) sum += b[rows.filtered_patch[k]] * static_cast<Rgbd>(rows.filtered_weight[k]);
     });
     *iterations = solved.sweeps, *residual = solved.residual;
     return std::move(solved.irradiance);

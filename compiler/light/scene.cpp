@@ -1,7 +1,7 @@
 // The ray-traced world. Embree decides which triangle a ray meets; where it meets it is computed again here, in
 // double, from the plane of the face, so that nothing downstream depends on the last bits of a single-precision
 // hit.
-#include "compiler/light/field.h"
+#include "compiler/light/transmission.h"
 #include "libs/core/check.h"
 #include <embree3/rtcore.h>
 #include <limits>
@@ -27,11 +27,13 @@ struct TraceScene::Data {
     std::vector<std::uint32_t> triangle_of; // primitive -> triangle of surfaces
     RTCDevice device = nullptr;
     RTCScene scene = nullptr;
+    std::unique_ptr<Panes> panes; // none: there are none
 
     Data() = default;
     Data(const Data&) = delete;
     Data& operator=(const Data&) = delete;
     ~Data() {
+        panes.reset();
         if (scene) rtcReleaseScene(scene);
         if (device) rtcReleaseDevice(device);
     }
@@ -91,9 +93,13 @@ TraceScene::TraceScene(const World& world, const Surfaces& surfaces) : data_(std
                           {static_cast<float>(q.x), static_cast<float>(q.y), static_cast<float>(q.z)});
     }
     d.vertices.insert(d.vertices.end(), 4, 0.0f);
+    auto panes = std::make_unique<Panes>(world, surfaces);
     for (std::size_t t = 0; t < surfaces.triangles.size(); ++t) {
-        const Face& face = surfaces.faces[surfaces.triangle_face[t].at()];
-        if (!face.blocks_light && !face.sky) continue;
+        const FaceId id = surfaces.triangle_face[t];
+        const Face& face = surfaces.faces[id.at()];
+        const Panes::Kind kind = panes->kind(id);
+        if (kind == Panes::Kind::pane || kind == Panes::Kind::clear) continue;
+        if (!face.blocks_light && !face.sky && kind != Panes::Kind::blocks) continue;
         const auto& corner = surfaces.triangles[t];
         d.indices.insert(d.indices.end(), corner.begin(), corner.end());
         d.triangle_of.push_back(static_cast<std::uint32_t>(t));
@@ -118,6 +124,10 @@ TraceScene::TraceScene(const World& world, const Surfaces& surfaces) : data_(std
         rtcReleaseGeometry(geometry);
     }
     rtcCommitScene(d.scene);
+    if (!panes->empty()) {
+        panes->build(d.device, d.vertices, surfaces.positions.size(), d.center);
+        d.panes = std::move(panes);
+    }
     KILN_CHECK_OP(rtcGetDeviceError(d.device), ==, RTC_ERROR_NONE);
 }
 
@@ -189,6 +199,43 @@ bool TraceScene::occluded(Vec3 from, Vec3 to) const {
     rtcInitIntersectContext(&context);
     rtcOccluded1(d.scene, &context, &ray);
     return ray.tfar < 0;
+}
+
+bool TraceScene::has_panes() const {
+    return data_->panes != nullptr;
+}
+
+void TraceScene::panes(Vec3 origin, Vec3 unit_direction, double far, const Widths& widths, std::vector<PaneHit>& out) const {
+    out.clear();
+    if (data_->panes) data_->panes->along(origin, unit_direction, far, widths, out);
+}
+
+Rgbd TraceScene::transmitted(Vec3 from, Vec3 to, Widths widths, bool* blocked) const {
+    const bool hidden = occluded(from, to);
+    if (blocked) *blocked = hidden;
+    if (hidden) return {};
+    Rgbd through{1, 1, 1};
+    if (!data_->panes) return through;
+    const Vec3 way = to - from;
+    widths.length = length(way);
+    if (!(widths.length > 0)) return through;
+    thread_local std::vector<PaneHit> crossed;
+    data_->panes->along(from, way / widths.length, widths.length, widths, crossed);
+    for (const PaneHit& pane : crossed) through = through * pane.through;
+    return through;
+}
+
+Rgbd TraceScene::transmitted_from_sky(Vec3 origin, Vec3 unit_direction, const Widths& widths, bool* blocked) const {
+    const std::optional<SceneHit> hit = closest(origin, unit_direction);
+    const bool hidden = hit && (!hit->sky || hit->back);
+    if (blocked) *blocked = hidden;
+    if (hidden) return {};
+    Rgbd through{1, 1, 1};
+    if (!data_->panes) return through;
+    thread_local std::vector<PaneHit> crossed;
+    data_->panes->along(origin, unit_direction, hit ? hit->distance : 1e30, widths, crossed);
+    for (const PaneHit& pane : crossed) through = through * pane.through;
+    return through;
 }
 
 bool TraceScene::reaches_sky(Vec3 origin, Vec3 unit_direction) const {

@@ -6,7 +6,8 @@ namespace kiln::probes {
 ProbeScene scene_of(const Surfaces& surfaces, const LightField& field) {
     ProbeScene scene;
     const TraceScene& trace = field.scene();
-    scene.radiance = [&field](Vec3 origin, Vec3 direction) { return field.radiance(origin, direction); };
+    constexpr double kWidth = 2.0 / 256; // of a ray, a unit of way: two a side in the texels of a face of 128
+    scene.radiance = [&field](Vec3 origin, Vec3 direction) { return field.radiance(origin, direction, nullptr, kWidth); };
     scene.closest = [&surfaces, &trace](Vec3 origin, Vec3 direction) -> std::optional<ProbeHit> {
         const auto hit = trace.closest(origin, direction);
         if (!hit) return std::nullopt;

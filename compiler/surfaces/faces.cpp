@@ -28,7 +28,7 @@ Visibility side_visibility(const World& world, const WorldSide& side, const Worl
     v.sky = (f & kSky) != 0;
     const bool tool = f & (kNoDraw | kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible);
     v.drawn = brush.draws && !tool && !v.sky;
-    // Light is not filtered yet: what can be seen through lets all of it pass.
+    // What can be seen through takes its share of light as the light stage says.
     const bool clear = (f & (kInvisible | kTranslucent | kAlphaTested)) || material.alpha < 1;
     v.blocks = (f & kLightBlocker) || (v.hull && !clear && brush.casts_light_shadow);
     v.two_sided = v.drawn && (liquid(behind) || (f & kTwoSided));

@@ -93,6 +93,7 @@ Material with_row_flags(Material m, const DocSide& side, MapFormat format, bool 
     if (s & kS_alpha_test) m.flags |= kAlphaTested;
     if (s & kS_trans33) m.alpha = 1.0f / 3;
     if (s & kS_trans66) m.alpha = 2.0f / 3;
+    m.alpha_stated |= (s & (kS_trans33 | kS_trans66)) != 0;
     if (s & kS_warp) m.flags |= kNoLight;
     // `value` of a light surface is its radiosity in units of 255; radiance of a Lambertian emitter is that / pi.
     if ((s & kS_light) && side.value > 0 && m.emission == Rgb{}) {

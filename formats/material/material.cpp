@@ -43,6 +43,10 @@ void apply(Material& m, const MaterialRule& r) {
     set(m.reflectance, r.reflectance);
     set(m.emission, r.emission);
     set(m.alpha, r.alpha);
+    m.alpha_stated |= r.alpha.has_value();
+    set(m.alpha_test, r.alpha_test);
+    set(m.opacity_map, r.opacity_map);
+    if (r.tint) m.tint = r.tint;
     set(m.env_map, r.env_map);
     set(m.roughness, r.roughness);
     set(m.normal_map, r.normal_map);
@@ -95,6 +99,12 @@ Material MaterialDatabase::find(std::string_view name, Context& context, const S
                        fmt::format("nothing is known of the material '{}': reflectance 0.5 and size {}x{} are used",
                                    m.name, m.width, m.height),
                        where);
+    // The alpha of other textures means other things (gloss, glow).
+    if (!(m.flags & (kTranslucent | kAlphaTested))) m.opacity_map = {};
+    if ((m.flags & kAlphaTested) && !(m.flags & kTranslucent)) {
+        for (std::uint8_t& t : m.opacity_map.opacity) t = static_cast<float>(t) >= 255 * m.alpha_test ? 255 : 0;
+        m.opacity_map.tint.clear(); // a hole has no colour
+    }
     rules_->found.emplace(m.name, m);
     return m;
 }

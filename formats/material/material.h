@@ -3,10 +3,12 @@
 // What a file states wins over what a name implies (a SKY4 with `emission` and no `sky` flag is an
 // ordinary emitter). Unknown names get defaults and one warning each. Format: FORMAT.md.
 #pragma once
+#include "libs/core/archive.h"
 #include "libs/core/context.h"
 #include "libs/core/result.h"
 #include "libs/math/vec.h"
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -41,6 +43,20 @@ enum MaterialFlag : std::uint32_t {
     kStopsSight = 1u << 22, // of NPCs
 };
 
+// How much of a texture is there, texel by texel, row by row from the top left.
+struct OpacityMap {
+    int width = 0, height = 0;
+    Bytes opacity; // 255: all of it
+    Bytes tint;    // linear RGB of what thin parts let through; empty: as the material says
+    bool empty() const { return opacity.empty(); }
+    template <class A> void fields(A& a) { a(width, height, opacity, tint); }
+    bool operator==(const OpacityMap&) const = default;
+};
+constexpr int kMostOpacitySize = 1024; // texels along a side
+// As text in material files, and back; nothing: it is no such text.
+std::string base64(const Bytes& bytes);
+std::optional<Bytes> bytes_of_base64(std::string_view text);
+
 struct Material {
     std::string name;                   // as spelled by the map
     Rgb reflectance{0.5f, 0.5f, 0.5f};  // diffuse, linear, 0..0.99
@@ -53,9 +69,13 @@ struct Material {
     double normal_cone_deg = 30;        // 95th percentile tilt of the normal map
     int width = 64, height = 64;        // texels, for texture coordinates
     bool known = false;                 // false: defaults were used
+    bool alpha_stated = false;          // a rule, or the map, says `alpha`
+    OpacityMap opacity_map;             // of what is translucent or alpha-tested, where one is known
+    float alpha_test = 0.5f;            // from this opacity on a texel of an alpha-tested material is there
+    std::optional<Rgb> tint;            // of the light that comes through; none: the colour of the texture
     template <class A> void fields(A& a) {
         a(name, reflectance, emission, alpha, env_map, roughness, flags, normal_map, albedo_map, normal_cone_deg,
-          width, height, known);
+          width, height, known, alpha_stated, opacity_map, alpha_test, tint);
     }
 };
 

@@ -10,8 +10,9 @@ struct MaterialRule {
     std::string lower;     // lower case
     bool glob = false;     // has *, ? or [
     std::string directory; // of the file
-    std::optional<Rgb> reflectance, emission;
-    std::optional<float> alpha, env_map, roughness;
+    std::optional<Rgb> reflectance, emission, tint;
+    std::optional<float> alpha, env_map, roughness, alpha_test;
+    std::optional<OpacityMap> opacity_map;
     std::optional<double> normal_cone_deg;
     std::optional<std::string> normal_map, albedo_map;
     std::optional<std::array<int, 2>> size;
@@ -19,7 +20,7 @@ struct MaterialRule {
     bool flags_listed = false; // a "flags" list: flags_set is all there is
     template <class A> void fields(A& a) {
         a(pattern, glob, reflectance, emission, alpha, env_map, roughness, normal_cone_deg, normal_map, albedo_map,
-          size, flags_set, flags_cleared, flags_listed);
+          size, flags_set, flags_cleared, flags_listed, tint, alpha_test, opacity_map);
     }
 };
 

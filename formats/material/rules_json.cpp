@@ -103,6 +103,31 @@ struct Reader {
         return x ? std::optional<float>(static_cast<float>(*x)) : std::nullopt;
     }
 
+    std::optional<OpacityMap> opacity_map(const Json& v, const std::string& name) {
+        const auto no = [&](const char* why) {
+            warn("material-value-invalid", name, fmt::format("'opacity_map' {}; it is ignored", why));
+            return std::nullopt;
+        };
+        if (!v.is_object() || !v.contains("size") || !v["size"].is_array() || v["size"].size() != 2 || !v.contains("opacity") || !v["opacity"].is_string())
+            return no("should be a file name, or \"size\" and \"opacity\"");
+        OpacityMap map;
+        for (const auto& [edge, at] : {std::pair{&map.width, 0}, {&map.height, 1}}) {
+            const Json& n = v["size"][static_cast<std::size_t>(at)];
+            if (!n.is_number_integer() || n.get<std::int64_t>() < 1 || n.get<std::int64_t>() > kMostOpacitySize) return no("has an impossible size");
+            *edge = n.get<int>();
+        }
+        const std::size_t texels = static_cast<std::size_t>(map.width) * static_cast<std::size_t>(map.height);
+        auto opacity = bytes_of_base64(v["opacity"].get_ref<const std::string&>());
+        if (!opacity || opacity->size() != texels) return no("has not a byte for each texel");
+        map.opacity = *std::move(opacity);
+        if (v.contains("tint")) {
+            auto tint = v["tint"].is_string() ? bytes_of_base64(v["tint"].get_ref<const std::string&>()) : std::nullopt;
+            if (!tint || tint->size() != 3 * texels) return no("has not three bytes of tint for each texel");
+            map.tint = *std::move(tint);
+        }
+        return map;
+    }
+
     void list_flags(MaterialRule& rule, const Json& v, const std::string& name) {
         if (!v.is_array()) {
             warn("material-value-invalid", name, "'flags' should be a list of names; it is ignored");
@@ -132,6 +157,13 @@ struct Reader {
             rule.env_map = share(v, name, "env_map");
         } else if (key == "roughness") {
             rule.roughness = share(v, name, "roughness");
+        } else if (key == "alpha_test") {
+            rule.alpha_test = share(v, name, "alpha_test");
+            if (rule.alpha_test) rule.flags_set |= kAlphaTested, rule.flags_cleared &= ~std::uint32_t{kAlphaTested};
+        } else if (key == "tint") {
+            rule.tint = color(v, 1, name, "tint");
+        } else if (key == "opacity_map") {
+            if (!v.is_string()) rule.opacity_map = opacity_map(v, name); // a file's name: whoever read this file reads that one too
         } else if (key == "normal_map") {
             rule.normal_map = string(v, name, "normal_map");
         } else if (key == "albedo_map") {

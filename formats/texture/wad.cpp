@@ -22,6 +22,16 @@ std::string name_at(std::span<const std::uint8_t> b, std::size_t at) { // 16 byt
     return {first, strnlen(first, 16)};
 }
 
+TexelPicture with_holes(std::span<const std::uint8_t> texels, std::span<const std::uint8_t> palette, int width, int height) {
+    TexelPicture out{width, height, {}};
+    out.rgba.reserve(4 * texels.size());
+    for (const std::uint8_t t : texels) {
+        for (std::size_t c = 0; c < 3; ++c) out.rgba.push_back(palette.empty() ? std::uint8_t{0} : palette[3 * std::size_t{t} + c]);
+        out.rgba.push_back(t == kHole ? 0 : 255);
+    }
+    return out;
+}
+
 std::optional<Rgbd> mean_colour(std::span<const std::uint8_t> texels, std::span<const std::uint8_t> palette, bool holes) {
     std::array<std::uint64_t, 256> count{};
     for (const std::uint8_t t : texels) ++count[t];
@@ -71,7 +81,7 @@ Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::u
             left_out("has an impossible size");
             continue;
         }
-        WadTexture texture{name_at(miptex, 0), static_cast<int>(width), static_cast<int>(height), std::nullopt};
+        WadTexture texture{name_at(miptex, 0), static_cast<int>(width), static_cast<int>(height), std::nullopt, {}};
         if (texture.name.empty()) texture.name = listed;
         if (!wanted(texture.name)) continue;
         const std::size_t texels = std::size_t{width} * height, first = u32(miptex, 24);
@@ -91,6 +101,8 @@ Result<Wad> read_wad(std::span<const std::uint8_t> bytes, std::span<const std::u
             known->second = mean_colour(miptex.subspan(first, texels), colours, texture.name.starts_with('{'));
         }
         texture.mean = known->second;
+        if (texture.name.starts_with('{'))
+            texture.holed = with_holes(miptex.subspan(first, texels), colours.size() >= kPalette ? colours : std::span<const std::uint8_t>(), texture.width, texture.height);
         out.textures.push_back(std::move(texture));
     }
     return out;

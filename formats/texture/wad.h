@@ -5,6 +5,7 @@
 // Errors   texture-unreadable: no archive, or a directory that is not all there (a fault); a texture that is not (a warning,
 //          and it is left out). No length is believed before it is checked against the file. Format: FORMAT.md
 #pragma once
+#include "formats/texture/picture.h"
 #include "libs/core/context.h"
 #include "libs/core/result.h"
 #include "libs/math/vec.h"
@@ -21,6 +22,7 @@ struct WadTexture {
     std::string name;         // as stored: with the `*`, `{`, `+` it begins with
     int width = 0, height = 0;
     std::optional<Rgbd> mean; // linear colour, of the opaque texels; none: no palette, or none is opaque
+    TexelPicture holed;            // of a texture with holes, whose name begins with `{`; empty: others
 };
 struct Wad {
     bool own_palettes = false; // WAD3

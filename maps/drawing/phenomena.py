@@ -1,4 +1,7 @@
 """Small levels, one per phenomenon. Each function gives (map, materials)."""
+import os
+
+from . import textures
 from .brushes import NODRAW, SKY, Displacement, Map, box, faces, prism, room, slab_with_holes, wedge
 
 WHITE, GREY, RED, GREEN, LAMP, BLACK = ("kiln/white", "kiln/grey", "kiln/red", "kiln/green", "kiln/lamp", "kiln/black")
@@ -253,6 +256,45 @@ def canyon():
              _ambient="170 200 255 250", SunSpreadAngle="1")
     start(m, 384, 248)
     return m, plain(WHITE, GREY, RED, GREEN)
+
+
+def glass(folder):
+    os.makedirs(folder, exist_ok=True)
+    colours = [(225, 40, 30), (40, 90, 230), (250, 190, 40), (40, 170, 70)]
+    textures.png(os.path.join(folder, "stained.png"),
+                 [[(20, 20, 20, 255) if x % 16 < 1 or y % 16 < 1 else (*colours[(x // 16 * 3 + y // 16) % 4], 64)
+                   for x in range(64)] for y in range(64)])
+    # Bars a hand apart; in the lower half a mesh besides, finer than any luxel.
+    textures.png(os.path.join(folder, "grate.png"),
+                 [[(90, 90, 95, 255 if x % 32 < 8 or y % 32 < 8 or (y >= 32 and (x % 4 < 2 or y % 4 < 2)) else 0)
+                   for x in range(64)] for y in range(64)])
+    m = Map("Sun through clear glass, stained glass and a grate; behind a green pane a closet without any other light.",
+            skyname="sky_day")
+    walls = room((0, 0, 0), (448, 256, 160), faces(WHITE, **{"z-": GREY}), lightmap=4)
+    del walls[4]  # the wall at y = 0 has the windows
+    m.add(walls)
+    windows = [((32 + 112 * i, 32), (96 + 112 * i, 128)) for i in range(4)]
+    m.add(slab_with_holes(1, (0, -16, 0), (448, 0, 160), windows, faces(WHITE, ym=NODRAW), lightmap=4))
+    m.add(box((16, -32, 16), (432, -16, 144), SKY))
+    for i, name in enumerate(("kiln/clear", "kiln/stained", "kiln/grate")):
+        x = 32 + 112 * i
+        m.add(box((x, -10, 32), (x + 64, -8, 128), name, scale=1, lightmap=4))
+    # The closet in the corner, and its pane.
+    m.add(box((336, 160, 0), (344, 256, 160), WHITE, lightmap=4))
+    m.add(slab_with_holes(1, (344, 160, 0), (448, 168, 160), [((364, 16), (428, 112))], WHITE, lightmap=4))
+    m.add(box((364, 163, 16), (428, 165, 112), "kiln/green_glass", scale=1, lightmap=4))
+    m.entity("light_environment", origin=(128, 96, 96), angles="-40 100 0", pitch="-40", _light="255 240 215 1000",
+             _ambient="170 200 255 100", SunSpreadAngle="0.5")
+    start(m, 32, 96)
+    m.entity("info_camera_view", origin=(24, 240, 120), angles="18 -40 0", fov="88", targetname="windows")
+    m.entity("info_camera_view", origin=(280, 40, 72), angles="4 55 0", fov="80", targetname="closet")
+    return m, {**plain(WHITE, GREY),
+               "kiln/clear": {"reflectance": [0.4, 0.4, 0.4], "alpha": 0.5, "tint": 1},
+               "kiln/stained": {"translucent": True, "albedo_map": "textures/stained.png", "size": [64, 64],
+                                "reflectance": [0.25, 0.2, 0.15]},
+               "kiln/grate": {"alpha_test": 0.5, "albedo_map": "textures/grate.png", "size": [64, 64],
+                              "reflectance": [0.1, 0.1, 0.11]},
+               "kiln/green_glass": {"reflectance": [0.1, 0.5, 0.15], "alpha": 0.25}}
 
 
 VMF = {"furnace": furnace, "cornell": cornell, "two_rooms": two_rooms, "corridor": corridor, "thin_wall": thin_wall,

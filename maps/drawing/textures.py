@@ -10,13 +10,13 @@ SIZE = 256
 
 
 def png(path, rows):
-    """rows: lists of (r, g, b) bytes. Filtered by the row above or the texel before, whichever packs better."""
-    h, w = len(rows), len(rows[0])
-    raw, above = bytearray(), bytes(3 * w)
+    """rows: lists of (r, g, b) or (r, g, b, a) bytes. Filtered by the row above or the texel before, whichever packs better."""
+    h, w, n = len(rows), len(rows[0]), len(rows[0][0])
+    raw, above = bytearray(), bytes(n * w)
     for row in rows:
         line = bytes(c for texel in row for c in texel)
         up = bytes((a - b) & 255 for a, b in zip(line, above))
-        left = bytes((line[i] - (line[i - 3] if i >= 3 else 0)) & 255 for i in range(3 * w))
+        left = bytes((line[i] - (line[i - n] if i >= n else 0)) & 255 for i in range(n * w))
         cost = [sum(min(c, 256 - c) for c in f) for f in (up, left)]
         raw += (b"\2" + up) if cost[0] <= cost[1] else (b"\1" + left)
         above = line
@@ -25,7 +25,7 @@ def png(path, rows):
         body = kind + data
         return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
     with open(path, "wb") as f:
-        f.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", w, h, 8, 2, 0, 0, 0)) +
+        f.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", w, h, 8, 2 if n == 3 else 6, 0, 0, 0)) +
                 chunk(b"IDAT", zlib.compress(bytes(raw), 9)) + chunk(b"IEND", b""))
 
 

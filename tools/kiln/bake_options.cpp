@@ -142,6 +142,7 @@ Result<CompileInput> read_input(const BakeOptions& options, Context& context) {
         auto bytes = read_file(file);
         if (!bytes) return bytes.fault();
         input.materials.push_back({file, *std::move(bytes)});
+        if (auto maps = opacity_maps_of(input.materials.back(), context)) input.materials.push_back(*std::move(maps));
     }
     for (const std::string& file : rads) {
         auto bytes = read_file(file);

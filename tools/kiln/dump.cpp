@@ -39,7 +39,8 @@ Rows dump_world(const Compiled& c) {
     for (std::size_t i = 0; i < c.world.materials.size(); ++i) {
         const Material& m = c.world.materials[i];
         rows.push_back({{"material", i}, {"name", m.name}, {"known", m.known}, {"reflectance", to_json(m.reflectance)}, {"emission", to_json(m.emission)},
-                        {"flags", m.flags}, {"size", {m.width, m.height}}, {"normal_map", m.normal_map}, {"albedo_map", m.albedo_map}});
+                        {"flags", m.flags}, {"size", {m.width, m.height}}, {"normal_map", m.normal_map}, {"albedo_map", m.albedo_map},
+                        {"alpha", m.alpha_stated || m.alpha < 1 ? Json(m.alpha) : Json()}, {"opacity_map", m.opacity_map.empty() ? Json() : Json({m.opacity_map.width, m.opacity_map.height})}});
     }
     for (std::size_t i = 0; i < c.world.brushes.size(); ++i) {
         const WorldBrush& b = c.world.brushes[i];

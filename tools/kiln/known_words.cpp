@@ -159,7 +159,7 @@ constexpr Known kKnown[] = {
     {"-dirt", ignored, kNoEffect, 1},
     {"-lit", ignored, kHdr},
     {"-lux", ignored, "see --directional"},
-    {"-textureshadows", ignored, kProps},
+    {"-textureshadows", ignored, "glass and grates always take their share of light, by alpha and opacity maps (formats/material/FORMAT.md)"},
     {"-staticproplighting", ignored, kProps},
     {"-staticproppolys", ignored, kProps},
     {"-staticpropnormals", ignored, kProps},

@@ -33,6 +33,50 @@ bool named_in(const std::string& map_text, const std::string& name) { return map
 
 using Json = nlohmann::ordered_json;
 
+// What light has to know of a texture's holes and colours (formats/material/FORMAT.md), no larger than that allows; nothing: it has none, and is
+// not `thin` for another reason.
+std::optional<Json> opacity_map_of(const TexelPicture& picture, bool thin) {
+    if (picture.empty()) return std::nullopt;
+    bool holes = false;
+    for (std::size_t i = 3; i < picture.rgba.size() && !holes; i += 4) holes = picture.rgba[i] < 255;
+    if (!holes && !thin) return std::nullopt;
+    std::array<double, 256> linear{};
+    for (std::size_t i = 0; i < 256; ++i) linear[i] = static_cast<double>(linear_from_srgb(static_cast<float>(i) / 255));
+    std::uint8_t most = 0; // of what lets light through: the brightest is clear
+    for (std::size_t i = 0; i < picture.rgba.size(); i += 4)
+        if (picture.rgba[i + 3] < 255 || !holes) most = std::max({most, picture.rgba[i], picture.rgba[i + 1], picture.rgba[i + 2]});
+    const int by = (std::max(picture.width, picture.height) + kMostOpacitySize - 1) / kMostOpacitySize;
+    const int w = (picture.width + by - 1) / by, h = (picture.height + by - 1) / by;
+    Bytes opacity, tint;
+    for (int y = 0; y < h; ++y)
+        for (int x = 0; x < w; ++x) {
+            double n = 0, a = 0, through = 0;
+            Rgbd colour;
+            for (int j = y * by; j < std::min(picture.height, (y + 1) * by); ++j)
+                for (int i = x * by; i < std::min(picture.width, (x + 1) * by); ++i) {
+                    const std::uint8_t* t = &picture.rgba[4 * (static_cast<std::size_t>(j) * static_cast<std::size_t>(picture.width) + static_cast<std::size_t>(i))];
+                    const double share = holes ? 1 - t[3] / 255.0 : 1;
+                    n += 1, a += t[3], through += share;
+                    for (std::size_t c = 0; c < 3; ++c) colour[c] += share * (most > 0 ? linear[t[c]] / linear[most] : 1);
+                }
+            opacity.push_back(static_cast<std::uint8_t>(std::lround(a / n)));
+            for (std::size_t c = 0; c < 3; ++c) tint.push_back(through > 0 ? static_cast<std::uint8_t>(std::lround(255 * std::min(1.0, colour[c] / through))) : std::uint8_t{0});
+        }
+    return Json{{"size", {w, h}}, {"opacity", base64(opacity)}, {"tint", base64(tint)}};
+}
+TexelPicture picture_of(const Image& image) {
+    TexelPicture out{image.width, image.height, {}};
+    if (image.width <= 0 || image.height <= 0) return out;
+    const bool colour = image.channels >= 3, alpha = image.channels % 2 == 0;
+    const auto byte = [](float v) { return static_cast<std::uint8_t>(std::lround(255 * std::clamp(v, 0.0f, 1.0f))); };
+    for (int y = 0; y < image.height; ++y)
+        for (int x = 0; x < image.width; ++x) {
+            for (const int c : {0, colour ? 1 : 0, colour ? 2 : 0}) out.rgba.push_back(byte(srgb_from_linear(std::clamp(image.at(x, y, c), 0.0f, 1.0f))));
+            out.rgba.push_back(alpha ? byte(image.at(x, y, image.channels - 1)) : 255);
+        }
+    return out;
+}
+
 constexpr double kMostMean = 0.9; // of images: real surfaces stay below
 Json reflectance(const Rgbd& c, double most) { return {std::min(c.x, most), std::min(c.y, most), std::min(c.z, most)}; }
 
@@ -70,8 +114,11 @@ Result<Vmt> read_patched(const std::string& file, const std::filesystem::path& g
     }
     return vmt;
 }
+std::optional<std::string> vtf_file(const std::string& materials, const std::string& texture) {
+    return file_on_disk(materials + "/" + with_slashes(texture) + (lower_case(texture).ends_with(".vtf") ? "" : ".vtf"));
+}
 std::optional<VtfHead> read_vtf_file(const std::string& materials, const std::string& texture, Context& context) {
-    const auto file = file_on_disk(materials + "/" + with_slashes(texture) + (lower_case(texture).ends_with(".vtf") ? "" : ".vtf"));
+    const auto file = vtf_file(materials, texture);
     if (!file) return std::nullopt;
     Bytes head(kVtfHeadBytes); // textures are large, their heads are not
     std::ifstream in(*file, std::ios::binary);
@@ -124,6 +171,20 @@ Json rule_of(const Vmt& vmt, const std::string& materials, Context& context) {
         const std::vector<double> n = parse_numbers(*alpha, &complete);
         if (n.size() == 1 && n[0] < 1) rule["alpha"] = std::clamp(n[0], 0.0, 1.0);
     }
+    if (const std::string* reference = vmt.find("$alphatestreference"); reference && vmt.is_set("$alphatest")) {
+        bool complete = false;
+        const std::vector<double> n = parse_numbers(*reference, &complete);
+        if (n.size() == 1 && n[0] > 0) rule["alpha_test"] = std::clamp(n[0], 0.0, 1.0);
+    }
+    // What is added to what is behind hides none of it.
+    const bool thin = rule.contains("alpha");
+    if (const std::string* base = vmt.find("$basetexture"); base && !vmt.is_set("$additive") && (thin || vmt.is_set("$translucent") || vmt.is_set("$alphatest")))
+        if (const auto file = vtf_file(materials, *base)) {
+            const auto bytes = read_file(*file);
+            const auto picture = bytes ? read_vtf_picture(*bytes, *file) : Result<TexelPicture>(TexelPicture{});
+            if (!picture) context.report(Severity::warning, "texture-unreadable", picture.fault().diagnostic.message, {.file = *file});
+            else if (auto map = opacity_map_of(*picture, thin)) rule["opacity_map"] = *std::move(map);
+        }
     return rule;
 }
 
@@ -169,6 +230,8 @@ Result<TextFile> materials_of_textures(const std::string& folder, const Bytes& m
         }
         rule.update(Json{{"size", {image->width, image->height}}, {"reflectance", reflectance(mean_colour(*image), kMostMean)},
                          {"albedo_map", fs::relative(file, folder).generic_string()}});
+        if (image->channels % 2 == 0)
+            if (auto opacity = opacity_map_of(picture_of(*image), false)) rule["opacity_map"] = *std::move(opacity);
     }
     for (auto it = rules.begin(); it != rules.end();) it = it->empty() ? rules.erase(it) : std::next(it); // nothing is known of those
     return material_file(folder + "/", rules);
@@ -199,9 +262,56 @@ Result<TextFile> materials_of_wad(const std::string& wad, const std::string& gam
     for (const WadTexture& t : read->textures) {
         Json rule = {{"size", {t.width, t.height}}};
         if (t.mean) rule["reflectance"] = reflectance(*t.mean, kMostMean);
+        if (auto opacity = opacity_map_of(t.holed, false)) rule["opacity_map"] = *std::move(opacity);
         rules[t.name] = rule;
     }
     return material_file(wad, rules);
+}
+
+std::optional<TextFile> opacity_maps_of(const TextFile& materials, Context& context) {
+    namespace fs = std::filesystem;
+    const Json json = Json::parse(materials.bytes.begin(), materials.bytes.end(), nullptr, false, true);
+    if (!json.is_object() || !json.contains("materials") || !json["materials"].is_object()) return std::nullopt; // its reader tells
+    Json rules = Json::object();
+    for (const auto& [name, rule] : json["materials"].items()) {
+        if (!rule.is_object()) continue;
+        const auto is_text = [&](const char* key) { return rule.contains(key) && rule[key].is_string(); };
+        const auto set = [&](const char* flag) {
+            if (rule.contains(flag) && rule[flag].is_boolean() && rule[flag].get<bool>()) return true;
+            return rule.contains("flags") && rule["flags"].is_array() && std::ranges::any_of(rule["flags"], [&](const Json& f) { return f.is_string() && equal_ignoring_case(f.get<std::string>(), flag); });
+        };
+        const bool thin = rule.contains("alpha") && rule["alpha"].is_number() && rule["alpha"].get<double>() < 1;
+        const bool own = is_text("opacity_map");
+        if (!own && !(is_text("albedo_map") && !rule.contains("opacity_map") && (thin || rule.contains("alpha_test") || set("translucent") || set("alpha_tested") || set("alpha_test")))) continue;
+        const std::string stated = rule[own ? "opacity_map" : "albedo_map"].get<std::string>();
+        const auto file = file_on_disk((fs::path(materials.name).parent_path() / with_slashes(stated)).string());
+        const auto no = [&](const std::string& why) {
+            context.report(Severity::warning, "texture-unreadable", fmt::format("the opacity of the material '{}' is not known: {}", name, why), {.file = file ? *file : materials.name});
+        };
+        if (!file) {
+            if (own) no(fmt::format("'{}' is not there", stated)); // albedo maps need not be there for anything else
+            continue;
+        }
+        Image image;
+        if (auto read = read_image(*file); read) {
+            image = *std::move(read);
+        } else {
+            no(read.fault().diagnostic.message);
+            continue;
+        }
+        if (own && image.channels % 2 == 1) { // a mask: how bright it is
+            Image mask(image.width, image.height, 2, 1);
+            for (int y = 0; y < image.height; ++y)
+                for (int x = 0; x < image.width; ++x) mask.at(x, y, 1) = srgb_from_linear(image.at(x, y, 0));
+            image = std::move(mask);
+        }
+        if (auto map = opacity_map_of(picture_of(image), thin)) {
+            if (own && image.channels == 2) map->erase("tint");
+            rules[name]["opacity_map"] = *std::move(map);
+        }
+    }
+    if (rules.empty()) return std::nullopt;
+    return material_file(materials.name, rules);
 }
 
 std::vector<std::string> wads_of_map(const Document& document, const std::string& game_dir, Context& context) {

@@ -21,6 +21,49 @@ MaterialDatabase database(const std::string& materials, Context& c) {
     return db;
 }
 
+TEST(Base64, ThereAndBack) {
+    Bytes bytes;
+    for (int n = 0; n < 70; ++n) {
+        const auto back = bytes_of_base64(base64(bytes));
+        ASSERT_TRUE(back) << n;
+        EXPECT_EQ(*back, bytes);
+        bytes.push_back(static_cast<std::uint8_t>(n * 37));
+    }
+    EXPECT_EQ(base64({'f', 'o', 'o', 'b'}), "Zm9vYg==");
+    for (const char* bad : {"A", "AB", "ABC", "A===", "AB=C", "AB!C", "====", "ABCDE"}) EXPECT_FALSE(bytes_of_base64(bad)) << bad;
+}
+
+TEST(Opacity, MapsThresholdsAndTints) {
+    Context c;
+    MaterialDatabase db = database(R"(
+        "glass": {"alpha": 0.5, "tint": [1, 0.5, 0.25], "opacity_map": {"size": [2, 1], "opacity": "AP8=", "tint": "AAECAwQF"}},
+        "grate": {"alpha_test": 0.75, "opacity_map": {"size": [4, 1], "opacity": "AMC//w==", "tint": "AAAAAAAAAAAAAAAA"}},
+        "leaf": {"alpha_tested": true, "opacity_map": {"size": [2, 1], "opacity": "f4A="}},
+        "wall": {"opacity_map": {"size": [2, 1], "opacity": "AP8="}},
+        "named": {"translucent": true, "opacity_map": "some.png"}
+    )", c);
+    EXPECT_TRUE(c.diagnostics().empty());
+    const Material glass = db.find("glass", c), grate = db.find("grate", c), leaf = db.find("leaf", c);
+    EXPECT_TRUE(glass.alpha_stated && glass.tint == (Rgb{1, 0.5f, 0.25f}) && (glass.flags & kTranslucent));
+    EXPECT_EQ(glass.opacity_map.opacity, (Bytes{0, 255}));
+    EXPECT_EQ(glass.opacity_map.tint, (Bytes{0, 1, 2, 3, 4, 5}));
+    EXPECT_TRUE((grate.flags & kAlphaTested) && !grate.alpha_stated);
+    EXPECT_EQ(grate.opacity_map.opacity, (Bytes{0, 255, 0, 255})); // 192 is there, 191 is not
+    EXPECT_TRUE(grate.opacity_map.tint.empty());
+    EXPECT_EQ(leaf.opacity_map.opacity, (Bytes{0, 255}));
+    EXPECT_TRUE(db.find("wall", c).opacity_map.empty()); // gloss, for all that is known
+    EXPECT_TRUE(db.find("named", c).opacity_map.empty());
+    EXPECT_EQ(from_bytes<Material>(to_bytes(glass)).opacity_map, glass.opacity_map);
+    // What is wrong is told and left out.
+    for (const char* bad : {"3", "{}", R"({"size": [2, 1]})", R"({"size": [2, 1], "opacity": "AA=="})", R"({"size": [0, 1], "opacity": ""})", R"({"size": [2, 1], "opacity": "????"})",
+                            R"({"size": [99999, 99999], "opacity": "AP8="})", R"({"size": [2, 1], "opacity": "AP8=", "tint": "AP8="})", R"({"size": [2.5, 1], "opacity": "AP8="})"}) {
+        Context told;
+        MaterialDatabase other = database(std::string(R"("glass": {"alpha": 0.5, "opacity_map": )") + bad + "}", told);
+        EXPECT_TRUE(other.find("glass", told).opacity_map.empty()) << bad;
+        EXPECT_EQ(count(told, "material-value-invalid"), 1u) << bad;
+    }
+}
+
 TEST(Glob, Matches) {
     const struct {
         const char *pattern, *text;

@@ -187,6 +187,102 @@ TEST(Vtf, SizeAndReflectivity) {
     for (std::size_t size = 0; size < kVtfHeadBytes; ++size) EXPECT_FALSE(read_vtf_head(Bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)), "x.vtf"));
 }
 
+// A texture of `mips` sizes (the smaller ones of zeros) in one of Valve's formats; `parts`: the list that files have from 7.3 on.
+Bytes vtf_texels(std::uint32_t format, std::uint32_t width, std::uint32_t height, const Bytes& texels, std::size_t smaller = 0, std::uint32_t mips = 1, bool parts = false, std::uint32_t flags = 0) {
+    Bytes out = vtf_of(width, height, 0, 0, 0, parts ? 4 : 2);
+    const auto set = [&](std::size_t at, std::uint32_t v, int size) { for (int i = 0; i < size; ++i) out[at + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(v >> 8 * i); };
+    set(20, flags, 4), set(24, 1, 2), set(52, format, 4), set(56, mips, 1), set(57, parts ? 0xFFFFFFFF : 13, 4), set(63, 1, 2);
+    if (parts) {
+        set(68, 2, 4);
+        put(out, 0x01, 4), put(out, 96, 4), put(out, 0x30, 4), put(out, 96, 4);
+        set(12, 96, 4);
+    } else {
+        set(61, 4, 1), set(62, 4, 1), out.resize(80 + 8); // the thumbnail, one block
+    }
+    out.resize(out.size() + smaller);
+    out.insert(out.end(), texels.begin(), texels.end());
+    return out;
+}
+Bytes texel(const TexelPicture& p, std::size_t x, std::size_t y) {
+    const auto at = p.rgba.begin() + static_cast<std::ptrdiff_t>(4 * (y * static_cast<std::size_t>(p.width) + x));
+    return {at, at + 4};
+}
+
+TEST(Vtf, TexelsWithTheirOpacity) {
+    const auto read = [](const Bytes& b) {
+        const auto p = read_vtf_picture(b, "x.vtf");
+        EXPECT_TRUE(p);
+        return p ? *p : TexelPicture{};
+    };
+    // BGRA and RGBA, with smaller sizes before, and the parts of newer files.
+    for (const bool parts : {false, true}) {
+        const Bytes four{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16};
+        const TexelPicture bgra = read(vtf_texels(12, 2, 2, four, 4, 2, parts));
+        ASSERT_EQ(bgra.rgba.size(), 16u);
+        EXPECT_EQ(texel(bgra, 1, 0), (Bytes{7, 6, 5, 8}));
+        EXPECT_EQ(texel(read(vtf_texels(0, 2, 2, four, 0, 1, parts)), 0, 1), (Bytes{9, 10, 11, 12}));
+    }
+    EXPECT_EQ(texel(read(vtf_texels(1, 1, 1, {9, 8, 7, 6})), 0, 0), (Bytes{6, 7, 8, 9}));
+    EXPECT_EQ(texel(read(vtf_texels(11, 1, 1, {9, 8, 7, 6})), 0, 0), (Bytes{8, 7, 6, 9}));
+    EXPECT_EQ(texel(read(vtf_texels(8, 1, 1, {77})), 0, 0), (Bytes{255, 255, 255, 77}));
+    EXPECT_EQ(texel(read(vtf_texels(6, 1, 1, {5, 77})), 0, 0), (Bytes{5, 5, 5, 77}));
+    EXPECT_EQ(texel(read(vtf_texels(19, 1, 1, {0x21, 0x43})), 0, 0), (Bytes{51, 34, 17, 68}));
+    EXPECT_EQ(texel(read(vtf_texels(21, 1, 1, {0x00, 0xFC})), 0, 0), (Bytes{255, 0, 0, 255}));
+    EXPECT_EQ(texel(read(vtf_texels(3, 1, 1, {1, 2, 3})), 0, 0), (Bytes{3, 2, 1, 255}));
+    // DXT1: the first colour not above the second, so code 3 is a hole. Texel i of the block has code i % 4.
+    const Bytes dxt1{0x00, 0x00, 0xFF, 0xFF, 0xE4, 0xE4, 0xE4, 0xE4};
+    const TexelPicture holes = read(vtf_texels(13, 3, 4, dxt1)); // cut off at the right
+    EXPECT_EQ(texel(holes, 0, 0), (Bytes{0, 0, 0, 255}));
+    EXPECT_EQ(texel(holes, 1, 3), (Bytes{255, 255, 255, 255}));
+    EXPECT_EQ(texel(holes, 2, 1), (Bytes{127, 127, 127, 255}));
+    EXPECT_EQ(texel(read(vtf_texels(20, 4, 4, dxt1)), 3, 2), (Bytes{0, 0, 0, 0}));
+    // DXT3: four bits each. DXT5: two ends and six between.
+    Bytes dxt3{0x10, 0x32, 0x54, 0x76, 0x98, 0xBA, 0xDC, 0xFE};
+    dxt3.insert(dxt3.end(), {0xFF, 0xFF, 0x00, 0x00, 0, 0, 0, 0});
+    const TexelPicture three = read(vtf_texels(14, 4, 4, dxt3));
+    for (std::size_t i = 0; i < 16; ++i) EXPECT_EQ(texel(three, i % 4, i / 4), (Bytes{255, 255, 255, static_cast<std::uint8_t>(i * 17)}));
+    Bytes dxt5{70, 0, 0x88, 0xC6, 0xFA, 0x88, 0xC6, 0xFA}; // codes 0 1 2 3 4 5 6 7, twice
+    dxt5.insert(dxt5.end(), {0xFF, 0xFF, 0x00, 0x00, 0, 0, 0, 0});
+    const TexelPicture five = read(vtf_texels(15, 4, 4, dxt5));
+    const int expected[] = {70, 0, 60, 50, 40, 30, 20, 10};
+    for (std::size_t i = 0; i < 16; ++i) EXPECT_EQ(texel(five, i % 4, i / 4)[3], expected[i % 8]) << i;
+    dxt5[0] = 0, dxt5[1] = 50;
+    const TexelPicture six = read(vtf_texels(15, 4, 4, dxt5));
+    const int other[] = {0, 50, 10, 20, 30, 40, 0, 255};
+    for (std::size_t i = 0; i < 16; ++i) EXPECT_EQ(texel(six, i % 4, i / 4)[3], other[i % 8]) << i;
+    // Cube maps and floats have none.
+    EXPECT_TRUE(read(vtf_texels(0, 1, 1, {1, 2, 3, 4}, 0, 1, false, 0x4000)).empty());
+    EXPECT_TRUE(read(vtf_texels(24, 1, 1, {})).empty());
+    // Every cut and any byte.
+    const Bytes good = vtf_texels(15, 8, 8, Bytes(64, 9), 16 + 16 + 16, 4, true);
+    ASSERT_TRUE(read_vtf_picture(good, "x.vtf"));
+    for (std::size_t size = 0; size < good.size(); ++size) EXPECT_FALSE(read_vtf_picture(Bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)), "x.vtf")) << size;
+    for (std::size_t at = 0; at < 100; ++at)
+        for (const int v : {0, 1, 127, 128, 255}) {
+            Bytes spoiled = good;
+            spoiled[at] = static_cast<std::uint8_t>(v);
+            (void)read_vtf_picture(spoiled, "x.vtf");
+        }
+}
+
+TEST(Wad, TexelsOfTexturesWithHoles) {
+    Context c;
+    Bytes texels(16 * 16, 3);
+    texels[5] = 255;
+    const auto with = read_wad(wad_of({{"{fence", 16, 16, texels}, {"wall", 16, 16, texels}}, true), {}, "x.wad", all, c);
+    ASSERT_TRUE(with);
+    const TexelPicture& holes = with->textures.at(0).holed;
+    ASSERT_EQ(holes.rgba.size(), 4u * 16 * 16);
+    EXPECT_EQ(texel(holes, 5, 0), (Bytes{0, 0, 0, 0}));
+    EXPECT_EQ(texel(holes, 6, 0), (Bytes{252, 252, 252, 255}));
+    EXPECT_TRUE(with->textures.at(1).holed.empty()); // 255 is a colour there
+    // Without a palette the holes are known all the same.
+    const auto quake = read_wad(wad_of({{"{fence", 16, 16, texels}}, false), {}, "x.wad", all, c);
+    ASSERT_TRUE(quake);
+    EXPECT_EQ(texel(quake->textures.at(0).holed, 5, 0)[3], 0);
+    EXPECT_EQ(texel(quake->textures.at(0).holed, 6, 0)[3], 255);
+}
+
 TEST(Vmt, KeysOfTheShaderAlone) {
     const auto vmt = read_vmt("\xEF\xBB\xBF// made by hand\n\"LightmappedGeneric\"\n{\n\t\"$BaseTexture\" \"Brick/Wall01\" // here\n $alpha .5 [$X360]\n $alpha 0.75 [!$X360]\n"
                               "\"%CompileWater\" 1\n\"%compileClip\" \"0\"\nLightmappedGeneric_DX6\n{\n$basetexture other\n}\n\"Proxies\" { \"Sine\" { \"resultVar\" \"$alpha\" } }\n$nocull 1\n}\n", "x.vmt");

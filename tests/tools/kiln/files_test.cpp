@@ -209,6 +209,43 @@ TEST(Files, WadsOfTheMapGiveSizesAndColours) {
     EXPECT_TRUE(says(o, "[texture-unreadable]")) << o.said;
 }
 
+TEST(Files, GlassAndGratesOfTexturesLetLightThrough) {
+    const Workplace w;
+    // VTF 7.2, RGBA, two by two: alpha 0, 64, 128, 255.
+    std::string vtf = padded("VTF", 4) + little(7, 4) + little(2, 4) + little(80, 4) + little(2, 2) + little(2, 2) + little(0, 4) + little(1, 2);
+    vtf = padded(vtf, 52) + little(0, 4) + little(1, 1) + little(0xFFFFFFFF, 4) + little(0, 2) + little(1, 2);
+    vtf = padded(vtf, 80) + little(0x00FFFFFF, 4) + little(0x400000FF, 4) + little(0x80FFFFFF, 4) + little(0xFFFFFFFF, 4);
+    write(w, "game/materials/a/pane.vtf", vtf);
+    write(w, "game/materials/a/clear.vmt", "LightmappedGeneric { $basetexture a/pane $translucent 1 }");
+    write(w, "game/materials/a/fence.vmt", "LightmappedGeneric { $basetexture a/pane $alphatest 1 $alphatestreference .4 }");
+    write(w, "game/materials/a/glow.vmt", "LightmappedGeneric { $basetexture a/pane $additive 1 }");
+    write(w, "game/materials/a/wall.vmt", "LightmappedGeneric { $basetexture a/pane }");
+    std::string solids;
+    for (const char* name : {"a/clear", "a/fence", "a/glow", "a/wall"}) {
+        std::string text = solid(static_cast<int>(solids.size()));
+        for (std::size_t at = 0; (at = text.find("\"wall\"", at)) != std::string::npos;) text.replace(at, 6, "\"" + std::string(name) + "\"");
+        solids += text;
+    }
+    const std::string map = w.write("m.vmf", vmf(solids));
+    const auto maps = [](const Outcome& o) { // materials with an opacity map
+        std::size_t n = 0;
+        for (std::size_t at = 0; (at = o.out.find("opacity_map [2,2]", at)) != std::string::npos; ++at) ++n;
+        return n;
+    };
+    Outcome o = w.run({"dump", "world", map, "--game-dir", w.path("game")});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_EQ(maps(o), 2u) << o.out;
+    // A picture beside a material file: a TGA of the same.
+    std::string tga = padded(std::string("\0\0\2", 3), 12) + little(2, 2) + little(2, 2) + little(32, 1) + little(0x28, 1);
+    tga += little(0x00FFFFFF, 4) + little(0x400000FF, 4) + little(0x80FFFFFF, 4) + little(0xFFFFFFFF, 4);
+    w.write("holes.tga", tga);
+    w.write("m.materials.json", R"({"materials": {"a/glow": {"translucent": true, "albedo_map": "holes.tga"}, "a/wall": {"opacity_map": "gone.png"}}})");
+    o = w.run({"dump", "world", map, "--game-dir", w.path("game")});
+    EXPECT_EQ(o.code, 0) << o.said;
+    EXPECT_EQ(maps(o), 3u) << o.out;
+    EXPECT_TRUE(says(o, "[texture-unreadable]") && says(o, "gone.png")) << o.said;
+}
+
 TEST(Files, MaterialsOfSourceSayWhatTheirSurfacesAre) {
     const Workplace w;
     const auto vtf = [](int width, int height, float grey) {

@@ -1,0 +1,123 @@
+// Panes in the rows of patches and in gathered light. A ray that crosses panes meets each of them and what stands behind: it does not branch, since what
+// a pane reflects is looked up, so however many stand in a row nothing is cut off.
+#include "compiler/light/bake.h"
+#include <map>
+#include <numbers>
+
+namespace kiln {
+
+std::uint32_t Bake::code_at(const SceneHit& hit) const {
+    const std::uint32_t code = patch_at(surfaces_, index_, patches_.texel_patch, patches_.piece_patch, patches_.face_patch, hit.face, hit.position);
+    if (code != kNoPatch) return code;
+    const std::uint32_t emitter = emitters_.of_face[hit.face.at()];
+    return emitter != UINT32_MAX ? kHitEmitter | emitter : kHitBlack;
+}
+
+std::uint32_t Bake::emitter_of(std::uint32_t code) const {
+    return is_patch(code) ? patch_emitter_[code] : code < kHitPanes ? code & ~kHitEmitter : UINT32_MAX;
+}
+
+// The hit `code` of a ray becomes kHitPanes if it crosses any, and is kept with them.
+void Bake::note_panes(std::uint64_t ray, Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t& code, PaneRays& out) const {
+    thread_local std::vector<PaneHit> panes;
+    scene_.panes(origin, way, far, widths, panes);
+    if (panes.empty()) return;
+    out.ray.push_back(ray), out.first.push_back(out.met.size());
+    Rgbd through{1, 1, 1};
+    for (const PaneHit& pane : panes) {
+        if (pane.front) out.met.push_back({code_at(pane.hit), static_cast<Rgb>(through * pane.opacity), static_cast<Rgb>(through)});
+        through = through * pane.through;
+    }
+    const Rgb rest = static_cast<Rgb>(through);
+    out.met.push_back({code, rest, rest});
+    code = kHitPanes;
+}
+
+PaneRays joined(std::vector<PaneRays>& parts) {
+    PaneRays out;
+    for (PaneRays& part : parts) {
+        for (std::uint64_t& f : part.first) f += out.met.size();
+        out.ray.insert(out.ray.end(), part.ray.begin(), part.ray.end());
+        out.first.insert(out.first.end(), part.first.begin(), part.first.end());
+        out.met.insert(out.met.end(), part.met.begin(), part.met.end());
+        part = {};
+    }
+    out.first.push_back(out.met.size());
+    return out;
+}
+
+void Bake::merge_filtered(Rows& rows) const {
+    const std::uint32_t m = quality_.row_rays;
+    const double share = 1.0 / m;
+    std::size_t r = 0;
+    std::map<std::uint32_t, Rgbd> row;
+    rows.filtered_first.push_back(0);
+    for (std::size_t p = 0; p < patches_.patches.size(); ++p) {
+        row.clear();
+        for (; r < pane_rays_.ray.size() && pane_rays_.ray[r] < (p + 1) * m; ++r) {
+            if (covered_[p]) continue;
+            for (std::uint64_t k = pane_rays_.first[r]; k < pane_rays_.first[r + 1]; ++k) {
+                const PaneRays::Met& met = pane_rays_.met[k];
+                if (is_patch(met.code) && max_component(patches_.patches[met.code].reflectance) > 0 && max_component(met.reflected) > 0)
+                    row[met.code] += static_cast<Rgbd>(met.reflected) * share;
+            }
+        }
+        for (const auto& [patch, weight] : row) rows.filtered_patch.push_back(patch), rows.filtered_weight.push_back(static_cast<Rgb>(weight));
+        rows.filtered_first.push_back(rows.filtered_patch.size());
+    }
+}
+
+// On larger patches, as coarse_light merges the others.
+void Bake::merge_filtered(const Rows& fine, const std::vector<std::uint32_t>& parent, const std::vector<std::vector<std::uint32_t>>& children, const std::vector<double>& area, Rows& rows) const {
+    std::map<std::uint32_t, Rgbd> row;
+    rows.filtered_first.push_back(0);
+    for (std::size_t c = 0; c < children.size(); ++c) {
+        row.clear();
+        for (const std::uint32_t p : children[c])
+            for (std::uint64_t k = fine.filtered_first[p]; k < fine.filtered_first[p + 1]; ++k)
+                row[parent[fine.filtered_patch[k]]] += static_cast<Rgbd>(fine.filtered_weight[k]) * (patches_.patches[p].area / area[c]);
+        for (const auto& [patch, weight] : row) rows.filtered_patch.push_back(patch), rows.filtered_weight.push_back(static_cast<Rgb>(weight));
+        rows.filtered_first.push_back(rows.filtered_patch.size());
+    }
+}
+
+Rgbd Bake::emission_through_panes(std::uint64_t ray, std::uint32_t patch, bool only_unlisted) const {
+    Rgbd sum;
+    for (const PaneRays::Met& met : pane_rays_.of(ray)) {
+        if (met.code == kHitEscaped) {
+            sum += static_cast<Rgbd>(met.emitted) * sky_radiance(lights_);
+            continue;
+        }
+        const std::uint32_t emitter = emitter_of(met.code);
+        if (emitter == UINT32_MAX || (only_unlisted && listed(patch, emitter))) continue;
+        sum += static_cast<Rgbd>(met.emitted) * emitters_.emitters[emitter].radiance;
+    }
+    return sum;
+}
+
+// For the guide of `patch`.
+double Bake::light_through_panes(std::uint64_t ray, std::uint32_t patch) const {
+    Rgbd sum;
+    for (const PaneRays::Met& met : pane_rays_.of(ray)) {
+        if (is_patch(met.code)) sum += static_cast<Rgbd>(met.reflected) * static_cast<Rgbd>(reflected_.patch[met.code]);
+        const std::uint32_t emitter = emitter_of(met.code);
+        if (emitter != UINT32_MAX && !listed(patch, emitter)) sum += static_cast<Rgbd>(met.emitted) * emitters_.emitters[emitter].radiance;
+    }
+    return mean(sum);
+}
+
+Rgbd Bake::through_panes(Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
+                         const ReflectedLight& light, int depth, Rgbd behind) const {
+    std::vector<PaneHit> panes; // its own: what a pane close by reflects asks for more rays
+    scene_.panes(origin, way, far, widths, panes);
+    Rgbd sum, through{1, 1, 1};
+    for (const PaneHit& pane : panes) {
+        if (pane.opacity > 0) sum += through * reflected_at(pane.hit, way, random, light, nullptr, depth) * pane.opacity;
+        const std::uint32_t emitter = pane.front ? emitters_.of_face[pane.hit.face.at()] : UINT32_MAX;
+        if (emitter != UINT32_MAX && !listed(patch, emitter) && !std::ranges::binary_search(heavy, emitter)) sum += through * emitters_.emitters[emitter].radiance;
+        through = through * pane.through;
+    }
+    return panes.empty() ? behind : sum + through * behind;
+}
+
+} // namespace kiln
