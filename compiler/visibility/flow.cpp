@@ -193,18 +193,15 @@ void Passages::tighten(std::span<const Directed> portals, const Exits& exits, Bi
             std::uint64_t* row = struck.row(i);
             const std::uint64_t* old = reach.row(p);
             const auto out = exits.of(portals[p].to);
-            std::vector<std::uint64_t> kept(words, 0);
+            std::copy_n(old, words, row);
+            std::vector<std::pair<const std::uint64_t*, const std::uint64_t*>> beyond; // seen through the next portal, and through the two
             for (std::size_t k = 0; k < out.size(); ++k) {
                 if (!get_bit(old, out[k])) continue;
-                set_bit(kept.data(), out[k]);
-                const std::uint64_t* passage = of(p, k);
-                const std::uint64_t* beyond = reach.row(out[k]);
-                if (passage)
-                    for (std::size_t w = 0; w < words; ++w) kept[w] |= beyond[w] & passage[w];
-                else
-                    for (std::size_t w = 0; w < words; ++w) kept[w] |= beyond[w];
+                clear_bit(row, out[k]);
+                beyond.emplace_back(reach.row(out[k]), of(p, k));
             }
-            for (std::size_t w = 0; w < words; ++w) row[w] = old[w] & ~kept[w];
+            for (std::size_t w = 0; w < words; ++w)
+                for (auto it = beyond.begin(); row[w] && it != beyond.end(); ++it) row[w] &= ~(it->first[w] & (it->second ? it->second[w] : ~std::uint64_t{0}));
         });
         // p sees q exactly if q, looked through backwards, sees p backwards.
         std::ranges::fill(changed, std::uint8_t{0});
