@@ -52,6 +52,8 @@ Vec3 point_in(const std::vector<Vec3>& w, Random& random) {
 
 namespace {
 
+constexpr std::size_t kMarked = 12;
+
 // Somewhere in it, not evenly.
 Vec3 any_point_in(std::span<const Vec3> w, Random& random) {
     if (w.size() < 3) return w[0];
@@ -108,8 +110,8 @@ BitRows proven(const DirectedPortals& of, const Exits& exits, const Windows& win
                 chain.push_back(next), set_bit(mine.data(), next);
                 last = next, at = nearest, slow = its;
             }
-            // Along a line each portal sees all later ones, and backwards.
-            for (std::size_t a = 0; a < chain.size(); ++a)
+            // Along a line each portal sees all later ones, and backwards. Of a long one what its first see will do.
+            for (std::size_t a = 0; a < std::min(chain.size(), kMarked); ++a)
                 for (std::size_t b = a + 1; b < chain.size(); ++b) mark(chain[a], chain[b]), mark(reversed(chain[b]), reversed(chain[a]));
         }
     });

@@ -96,13 +96,13 @@ public:
             std::iota(state_.open.begin(), state_.open.end(), 0u);
             state_.loose.assign(n, 0);
         }
+        if (resumed) reach_.data() = state_.reach; // passages then lack what it lacks, and are held against it only together with it
         if (late()) return false;
         const Passages passages(directed_, exits_, reach_, options_.epsilon, kMostPassages, stop_, context_);
-        passages.tighten(portals_, exits_, reach_, stop_, context_);
+        if (!resumed) passages.tighten(portals_, exits_, reach_, stop_, context_);
         // Of a start that was not finished nothing is kept: passages and lines would not be the same later.
         if (late()) return false;
         if (resumed) {
-            reach_.data() = state_.reach;
             known_ = BitRows(n, n);
             known_.data() = std::move(state_.proven);
         } else {
@@ -332,7 +332,10 @@ Result<Visibility> compute_visibility(std::span<const VisPortal> map_portals, st
     context.check_cancelled();
     if (run.stopped) *run.stopped = !whole;
     Visibility v = rows_of(portals, exits, reach, cluster_count, context);
-    if (options.fast) return v;
+    if (options.fast) {
+        if (!whole) v.loose.resize(map_portals.size()), std::iota(v.loose.begin(), v.loose.end(), 0u);
+        return v;
+    }
     v.steps = state.steps;
     std::vector<std::uint8_t> loose(map_portals.size(), 0);
     for (std::size_t p = 0; p < portals.ways.size(); ++p) loose[p / 2] |= state.loose[p];

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <chrono>
 #include <cmath>
 #include <gtest/gtest.h>
 #include <limits>
@@ -114,11 +115,15 @@ TEST(Visibility, no_ray_finds_a_pair_outside_the_rows) {
     EXPECT_GT(flooded, marked);
 }
 
+// Twenty runs on each number of threads: all of what comes out, steps included, and of a budget that runs out as well.
 TEST(Visibility, threads_do_not_change_a_bit) {
     std::mt19937 random(5);
-    const GridMap map = grid_map(test::rooms(random, 3, 3), false, true);
-    const Visibility one = compute(map);
-    for (const int threads : {2, 7}) EXPECT_EQ(one.rows, compute(map, {}, threads).rows);
+    const GridMap map = grid_map(test::rooms(random, 3, 2), false, true);
+    for (const std::uint64_t budget : {0, 700}) {
+        const std::vector<std::uint8_t> one = to_bytes(compute(map, {.total_budget = budget}));
+        for (const int threads : {1, 2, 8})
+            for (int run = 0; run < 20; ++run) ASSERT_EQ(one, to_bytes(compute(map, {.total_budget = budget}, threads))) << threads;
+    }
 }
 
 // Solid where there was air: no pair appears that was not there before, in the flood or in the flow, on grids whose corners line up
@@ -339,6 +344,32 @@ TEST(Visibility, an_open_grid_ends) {
     EXPECT_EQ(pairs(v), 576u * 576u);
     EXPECT_TRUE(v.loose.empty());
     EXPECT_LT(v.steps, 1000000u);
+}
+
+// 4096 cells with pillars among them, where chains are without number: time is up wherever it is up, in the flood, in the passages, in the
+// lines or in the flow, and what is left is valid.
+TEST(Visibility, a_large_grid_ends_in_time) {
+    std::vector<std::string> rows(64, std::string(64, '.'));
+    for (std::size_t y = 5; y < 64; y += 9)
+        for (std::size_t x = 3 + y % 5; x < 64; x += 7) rows[y][x] = '#';
+    const GridMap map = grid_map(rows);
+    std::mt19937 random(2);
+    const std::vector<char> sure = test::proven_pairs(map, random, 20000);
+    for (const double seconds : {0.02, 0.3, 1.5}) {
+        Context context;
+        context.threads = 2;
+        bool stopped = false;
+        const auto begin = std::chrono::steady_clock::now();
+        const auto v = compute_visibility(map.portals, map.cluster_count, {}, context, {.seconds = seconds, .stopped = &stopped});
+        const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        ASSERT_TRUE(v);
+        validate(*v);
+        EXPECT_TRUE(stopped);
+        EXPECT_FALSE(v->loose.empty());
+        EXPECT_LT(took, seconds + 4) << seconds; // the rows and the plane tests that are under way, on a machine that has other things to do
+        for (std::uint32_t a = 0; a < map.cluster_count; ++a)
+            for (std::uint32_t b = 0; b < map.cluster_count; ++b) ASSERT_TRUE(v->sees(a, b) || !sure[std::size_t{a} * map.cluster_count + b]) << seconds;
+    }
 }
 
 } // namespace
