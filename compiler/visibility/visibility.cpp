@@ -24,7 +24,7 @@ namespace {
 using namespace vis;
 
 // A wave takes this share of what is finished: fewer waves leave threads less idle, smaller ones know more.
-constexpr std::size_t kFirstWave = 32, kWaveShare = 32;
+constexpr std::size_t kFirstWave = 64, kWaveShare = 16;
 constexpr std::size_t kMostPassages = std::size_t{1} << 30; // bytes
 
 double thread_seconds() { // CPU time of this thread
