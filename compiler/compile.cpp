@@ -189,7 +189,7 @@ double sight_radius(const World& world, Context& context) {
 // The visibility stage, taken up where an earlier run was stopped; what it came to is kept where it is stopped again.
 Result<Visibility> see(Hash key, const VisibilityOptions& options, const CompileRun& run, Context& context, Compiled& out) {
     const bool keeps = run.store && run.store->enabled() && !options.fast;
-    const Hash place = all(std::string("visibility in progress, 1"), key);
+    const Hash place = all(std::string("visibility in progress, 2"), key);
     VisibilityProgress progress;
     if (keeps)
         if (const auto bytes = run.store->load(place)) try {
@@ -294,7 +294,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     VisibilityOptions sight = options.visibility;
     if (sight.radius < 0) sight.radius = sight_radius(world, context);
     const Hash seen_from = all(out.portals, out.bsp.cluster_count, sight);
-    const auto visibility = stages.run(Stage::visibility, 2, seen_from, places, out.visibility, [&] { return see(seen_from, sight, run, context, out); }, [&] { return !out.visibility_stopped; });
+    const auto visibility = stages.run(Stage::visibility, 3, seen_from, places, out.visibility, [&] { return see(seen_from, sight, run, context, out); }, [&] { return !out.visibility_stopped; });
     if (!visibility) return visibility.fault();
     if (done(Stage::visibility)) return true;
 

@@ -4,8 +4,21 @@
 
 namespace kiln::vis {
 
-std::vector<Directed> directed_portals(std::span<const VisPortal> portals) {
-    std::vector<Directed> out(portals.size() * 2);
+DirectedPortals directed_portals(std::span<const VisPortal> portals) {
+    DirectedPortals result;
+    double reach = 0;
+    std::size_t room = 0;
+    for (const VisPortal& portal : portals) {
+        room += padded(static_cast<std::uint32_t>(portal.winding.size()));
+        for (const Vec3& p : portal.winding) reach = std::max({reach, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+    }
+    Rounding& rounding = result.rounding;
+    rounding.error = evaluation_error(reach);
+    rounding.noise = std::max(kNoise, 4 * rounding.error);
+    result.coordinates.resize(3 * room);
+    double *x = result.coordinates.data(), *y = x + room, *z = y + room;
+    std::vector<Directed>& out = result.ways;
+    out.resize(portals.size() * 2);
     for (std::size_t i = 0; i < portals.size(); ++i) {
         const std::vector<Vec3>& w = portals[i].winding;
         Vec3 center{}, area{};
@@ -14,12 +27,18 @@ std::vector<Directed> directed_portals(std::span<const VisPortal> portals) {
         for (std::size_t k = 0; k < w.size(); ++k) area += cross(w[k] - center, w[(k + 1) % w.size()] - center);
         double radius = 0;
         for (const Vec3& p : w) radius = std::max(radius, length(p - center));
+        radius += rounding.error;
         const double size = length(area);
         const bool has_plane = size > kNoise * radius && size > 0;
         const Vec3 n = has_plane ? area / size : Vec3{};
+        const PointsView shape{x, y, z, static_cast<std::uint32_t>(w.size())};
+        for (std::uint32_t k = 0; k < padded(shape.n); ++k) {
+            const Vec3& p = w[k < w.size() ? k : 0];
+            *x++ = p.x, *y++ = p.y, *z++ = p.z;
+        }
         for (std::uint32_t back = 0; back < 2; ++back) {
             Directed& d = out[2 * i + back];
-            d.winding = &w, d.points = w;
+            d.winding = &w, d.points = w, d.shape = shape;
             d.plane.normal = back ? n : -n; // the winding's normal looks to the front cluster
             d.plane.distance = dot(d.plane.normal, center);
             d.has_plane = has_plane;
@@ -27,9 +46,10 @@ std::vector<Directed> directed_portals(std::span<const VisPortal> portals) {
             d.to = back ? portals[i].cluster_front : portals[i].cluster_back;
             d.center = center;
             d.radius = radius;
+            d.sphere[0] = center.x, d.sphere[1] = center.y, d.sphere[2] = center.z, d.sphere[3] = radius;
         }
     }
-    return out;
+    return result;
 }
 
 Exits exits_of(std::span<const Directed> portals, std::uint32_t cluster_count) {
@@ -45,24 +65,35 @@ Exits exits_of(std::span<const Directed> portals, std::uint32_t cluster_count) {
 
 namespace {
 
-// Some point of `what` lies on the given side of the plane of `of`.
-bool reaches_front(const Directed& of, const Directed& what) {
-    if (!of.has_plane) return true;
-    const double d = of.plane.at(what.center);
-    if (d > kNoise) return true;
-    if (d < -what.radius) return false;
-    for (const Vec3& p : what.points)
-        if (of.plane.at(p) > kNoise) return true;
-    return false;
+// Rows and columns of 64 by 64 bits change places.
+void transpose(std::uint64_t (&a)[64]) {
+    std::uint64_t mask = 0x00000000ffffffffull;
+    for (unsigned j = 32; j; j >>= 1, mask ^= mask << j)
+        for (unsigned k = 0; k < 64; k = ((k | j) + 1) & ~j) {
+            const std::uint64_t t = ((a[k] >> j) ^ a[k | j]) & mask;
+            a[k] ^= t << j, a[k | j] ^= t;
+        }
 }
-bool reaches_back(const Directed& of, const Directed& what) {
-    if (!of.has_plane) return true;
-    const double d = of.plane.at(what.center);
-    if (d < -kNoise) return true;
-    if (d > what.radius) return false;
-    for (const Vec3& p : what.points)
-        if (of.plane.at(p) < -kNoise) return true;
-    return false;
+BitRows transposed(BitRows& of, std::size_t n, Context& context) {
+    BitRows out(n, n);
+    parallel_for(context, of.words(), [&](std::size_t w) {
+        for (std::size_t v = 0; v < of.words(); ++v) {
+            std::uint64_t block[64];
+            for (std::size_t k = 0; k < 64; ++k) block[k] = v * 64 + k < n ? of.row(v * 64 + k)[w] : 0;
+            transpose(block);
+            for (std::size_t k = 0; k < 64 && w * 64 + k < n; ++k) out.row(w * 64 + k)[v] = block[k];
+        }
+    });
+    return out;
+}
+// Bit k of the lower half to bit 2 k.
+std::uint64_t spread(std::uint64_t x) {
+    x &= 0xffffffffull;
+    x = (x | x << 16) & 0x0000ffff0000ffffull;
+    x = (x | x << 8) & 0x00ff00ff00ff00ffull;
+    x = (x | x << 4) & 0x0f0f0f0f0f0f0f0full;
+    x = (x | x << 2) & 0x3333333333333333ull;
+    return (x | x << 1) & 0x5555555555555555ull;
 }
 
 // Least distance of two boxes: nothing of the one is nearer to anything of the other.
@@ -72,23 +103,64 @@ double distance(const Box3& a, const Box3& b) {
     return length(gap);
 }
 
+// Row p, bit q: q lies in part in front of the plane of p, and p in part behind that of q.
+BitRows plane_tests(const DirectedPortals& of, double radius, const std::function<bool()>& stop, Context& context) {
+    const std::span<const Directed> ways = of.ways;
+    const std::size_t n = ways.size(), portals = n / 2;
+    std::vector<PointsView> shapes(portals);
+    std::vector<double> spheres[4];
+    const double* sphere[4];
+    for (std::size_t k = 0; k < 4; ++k) spheres[k].assign((portals + 3) & ~std::size_t{3}, 0), sphere[k] = spheres[k].data();
+    for (std::size_t i = 0; i < portals; ++i) {
+        shapes[i] = ways[2 * i].shape;
+        for (std::size_t k = 0; k < 4; ++k) spheres[k][i] = ways[2 * i].sphere[k];
+    }
+    // Of each portal's plane, its normal as that of its second way.
+    BitRows front(portals, portals), back(portals, portals);
+    parallel_for(context, portals, [&](std::size_t i) {
+        const Directed& w = ways[2 * i + 1];
+        if (!w.has_plane || stop()) {
+            std::fill_n(front.row(i), front.words(), ~std::uint64_t{0});
+            std::fill_n(back.row(i), back.words(), ~std::uint64_t{0});
+            return;
+        }
+        const double plane[4] = {w.plane.normal.x, w.plane.normal.y, w.plane.normal.z, w.plane.distance};
+        kernels().sides(plane, sphere, shapes.data(), portals, of.rounding.noise, front.row(i), back.row(i));
+    });
+    const BitRows in_front_of = transposed(front, portals, context), behind = transposed(back, portals, context); // row i, bit j: i is so of j
+    std::vector<Box3> boxes(radius > 0 ? portals : 0);
+    for (std::size_t i = 0; i < boxes.size(); ++i)
+        for (const Vec3& v : ways[2 * i].points) boxes[i].add(v);
+    BitRows base(n, n);
+    parallel_for(context, portals, [&](std::size_t i) {
+        for (std::size_t side = 0; side < 2; ++side) {
+            std::uint64_t* row = base.row(2 * i + side);
+            const std::uint64_t* seen = side ? front.row(i) : back.row(i);
+            for (std::size_t w = 0; w < base.words(); ++w) {
+                const unsigned half = w % 2 ? 32 : 0;
+                row[w] = spread((seen[w / 2] & in_front_of.row(i)[w / 2]) >> half) | spread((seen[w / 2] & behind.row(i)[w / 2]) >> half) << 1;
+            }
+            clear_bit(row, 2 * i), clear_bit(row, 2 * i + 1);
+            for (std::size_t j = 0; j < boxes.size(); ++j)
+                if ((get_bit(row, 2 * j) || get_bit(row, 2 * j + 1)) && distance(boxes[i], boxes[j]) > radius) clear_bit(row, 2 * j), clear_bit(row, 2 * j + 1);
+        }
+    });
+    return base;
+}
+
 } // namespace
 
-BitRows flood(std::span<const Directed> portals, const Exits& exits, double radius, Context& context) {
+BitRows flood(const DirectedPortals& of, const Exits& exits, double radius, const std::function<bool()>& stop, Context& context) {
+    const std::span<const Directed> portals = of.ways;
     const std::size_t n = portals.size();
-    BitRows base(n, n), reach(n, n);
-    std::vector<Box3> boxes(radius > 0 ? n : 0);
-    for (std::size_t p = 0; p < boxes.size(); ++p)
-        for (const Vec3& v : portals[p].points) boxes[p].add(v);
-    parallel_for(context, n, [&](std::size_t p) {
-        std::uint64_t* row = base.row(p);
-        for (std::size_t q = 0; q < n; ++q)
-            if (q / 2 != p / 2 && !(radius > 0 && distance(boxes[p], boxes[q]) > radius) && reaches_front(portals[p], portals[q]) && reaches_back(portals[q], portals[p]))
-                set_bit(row, q);
-    });
+    BitRows base = plane_tests(of, radius, stop, context), reach(n, n);
     parallel_for(context, n, [&](std::size_t p) {
         const std::uint64_t* front = base.row(p);
         std::uint64_t* row = reach.row(p);
+        if (stop()) {
+            std::copy_n(front, reach.words(), row);
+            return;
+        }
         std::vector<std::uint32_t> open{static_cast<std::uint32_t>(p)};
         while (!open.empty()) {
             const std::uint32_t last = open.back();
@@ -97,6 +169,13 @@ BitRows flood(std::span<const Directed> portals, const Exits& exits, double radi
             for (const std::uint32_t q : exits.of(portals[last].to))
                 if (get_bit(front, q) && get_bit(next, q) && !get_bit(row, q)) set_bit(row, q), open.push_back(q);
         }
+    });
+    // p sees q exactly if q, looked through backwards, sees p backwards.
+    const BitRows columns = transposed(reach, n, context);
+    parallel_for(context, n, [&](std::size_t p) {
+        constexpr std::uint64_t kEven = 0x5555555555555555ull;
+        const std::uint64_t* column = columns.row(reversed(static_cast<std::uint32_t>(p)));
+        for (std::size_t w = 0; w < reach.words(); ++w) reach.row(p)[w] &= (column[w] & kEven) << 1 | (column[w] >> 1 & kEven);
     });
     return reach;
 }

@@ -1,18 +1,28 @@
 // Directed portals: each portal of the map once for each way through it, with the plane tests and the flood that
 // bound what can be seen through it. Private to compiler/visibility.
 #pragma once
+#include "compiler/visibility/kernels.h"
 #include "compiler/visibility/visibility.h"
 #include <bit>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
 namespace kiln::vis {
 
-// Distances below this are rounding of the doubles the windings come in, not geometry: coordinates up to 32768 carry
-// 4e-12, planes through their edges multiply that by (distance / edge length). A generic line of sight crosses the
-// relative interior of every portal, so a portal that merely touches a plane from behind (within this) is not in front.
+// What the stage promises holds for lines of sight: those that pass each portal at least kInside within its edges and, from one
+// portal to a later one, leave the planes of both by more than the noise. NOTES.md derives it.
+constexpr double kInside = 1e-6; // map units
+// Distances below this are rounding of the doubles the windings come in, not geometry.
 constexpr double kNoise = 1e-7; // map units
+// The error of dot(n, x) - d in doubles, n of length one and d such a dot, nowhere farther out than `reach` along an axis: four
+// roundings of at most (sqrt 3 + sqrt 3) reach, and the normal's own length.
+constexpr double evaluation_error(double reach) { return 16 * 0x1p-53 * reach; }
+struct Rounding {
+    double noise = kNoise; // larger only where coordinates are so large that doubles cannot tell it
+    double error = 0;      // of evaluating a plane
+};
 
 struct Plane {
     Vec3 normal{};
@@ -28,11 +38,22 @@ struct Directed {
     bool has_plane = true; // false: the winding has no area; no plane test may reject it
     std::uint32_t from = 0, to = 0;
     const std::vector<Vec3>* winding = nullptr;
+    PointsView shape; // the same points
+    double sphere[4] = {}; // center and radius
 };
 
 // Portal i of the map is directed portals 2i (front to back) and 2i + 1 (back to front).
 constexpr std::uint32_t reversed(std::uint32_t p) { return p ^ 1u; }
-std::vector<Directed> directed_portals(std::span<const VisPortal> portals);
+struct DirectedPortals {
+    DirectedPortals() = default;
+    DirectedPortals(const DirectedPortals&) = delete; // the shapes look into `coordinates`
+    DirectedPortals(DirectedPortals&&) = default;
+    std::vector<Directed> ways;
+    std::vector<double> coordinates; // what `shape` looks at
+    Rounding rounding;
+    operator std::span<const Directed>() const { return ways; }
+};
+DirectedPortals directed_portals(std::span<const VisPortal> portals);
 
 // Bit matrix with rows of whole words.
 class BitRows {
@@ -68,11 +89,7 @@ Exits exits_of(std::span<const Directed> portals, std::uint32_t cluster_count);
 
 // Row p, bit q: a line can go forward through p and later forward through q, as far as the flood can tell: q is reached
 // from p through portals each of which passes the plane tests against p and against the portal before it.
-// `radius`: of sight, map units, 0: no limit.
-BitRows flood(std::span<const Directed> portals, const Exits& exits, double radius, Context& context);
-
-// The same, as far as random lines prove it: from portal to portal through the clusters, `rays` a way, aimed at what
-// `reach` holds. Of what they prove the bits of `reach` are marked.
-BitRows proven(std::span<const Directed> portals, const Exits& exits, const BitRows& reach, std::uint32_t rays, Context& context);
+// `radius`: of sight, map units, 0: no limit. Once `stop` says so, ways that are left take what their plane tests alone say.
+BitRows flood(const DirectedPortals& portals, const Exits& exits, double radius, const std::function<bool()>& stop, Context& context);
 
 } // namespace kiln::vis

@@ -1,65 +1,79 @@
 #include "compiler/visibility/flow.h"
 #include "libs/parallel/parallel.h"
 #include <algorithm>
+#include <cmath>
 #include <deque>
 #include <numeric>
 
 namespace kiln::vis {
 
-bool clip(const std::vector<Vec3>& in, const Plane& plane, double open, std::vector<Vec3>& out) {
-    const std::size_t n = in.size();
-    bool front = false, cut = false;
-    for (const Vec3& p : in) {
-        const double d = plane.at(p);
-        front |= d > kNoise;
-        cut |= d < -open;
+Polygon::Polygon(std::span<const Vec3> points) {
+    n_ = static_cast<std::uint32_t>(points.size());
+    grow(padded(n_));
+    for (std::uint32_t i = 0; i < padded(n_); ++i) {
+        const Vec3& p = points[i < n_ ? i : 0];
+        x()[i] = p.x, x()[room_ + i] = p.y, x()[2 * room_ + i] = p.z;
     }
-    if (!front) return false;
-    if (!cut) {
-        out = in;
-        return true;
+}
+void Polygon::grow(std::uint32_t room) { // what is in it is lost
+    room_ = padded(room);
+    data_.resize(3 * std::size_t{room_});
+}
+void Polygon::assign(const PointsView& from) {
+    n_ = from.n;
+    const std::uint32_t all = padded(n_);
+    if (room_ < all) grow(std::max(all, 16u));
+    std::copy_n(from.x, all, x()), std::copy_n(from.y, all, x() + room_), std::copy_n(from.z, all, x() + 2 * room_);
+}
+std::vector<Vec3> Polygon::points() const {
+    std::vector<Vec3> out(n_);
+    const PointsView v = view();
+    for (std::uint32_t i = 0; i < n_; ++i) out[i] = {v.x[i], v.y[i], v.z[i]};
+    return out;
+}
+bool Polygon::clip(const PointsView& in, const PlanesView& planes, const double* sphere, double open, double noise, Polygon& scratch) {
+    for (std::uint32_t room = std::max(16u, padded(2 * in.n + 8));; room *= 2) {
+        if (room_ < room) grow(room);
+        if (scratch.room_ < room) scratch.grow(room);
+        PointsOut a = out(), b = scratch.out();
+        const double* const mine = a.x;
+        switch (kernels().clip(in, planes, sphere, open, noise, a, b)) {
+        case Clip::nothing: return false;
+        case Clip::whole: assign(in); return true;
+        case Clip::cut:
+            if (a.x != mine) std::swap(data_, scratch.data_), std::swap(room_, scratch.room_);
+            n_ = a.n;
+            return true;
+        case Clip::no_room: break;
+        }
     }
-    out.clear();
-    Vec3 a = in[n - 1];
-    double da = plane.at(a) + open;
-    for (const Vec3& b : in) {
-        const double db = plane.at(b) + open;
-        if ((da < 0) != (db < 0)) out.push_back(a + (b - a) * (da / (da - db)));
-        if (db >= 0) out.push_back(b);
-        a = b, da = db;
+}
+
+void Planes::separate(const PointsView& source, const Directed& of_source, const PointsView& pass, const Directed& of_pass, const Rounding& rounding) {
+    if (const std::uint32_t room = padded(source.n + pass.n); room_ < room) {
+        room_ = std::max(room, 16u);
+        data_.resize(4 * std::size_t{room_});
     }
-    return true;
+    // Without a plane the sines are not known, no number says so: then no plane is taken.
+    const Vec3 none{NAN, NAN, NAN}, s = of_source.has_plane ? of_source.plane.normal : none, p = of_pass.has_plane ? of_pass.plane.normal : none;
+    const double there[6] = {s.x, s.y, s.z, p.x, p.y, p.z}, back[6] = {p.x, p.y, p.z, s.x, s.y, s.z};
+    PlanesOut out{data_.data(), data_.data() + room_, data_.data() + 2 * room_, data_.data() + 3 * room_, 0};
+    kernels().separators(source, pass, there, false, rounding.noise, rounding.error, kInside, out);
+    kernels().separators(pass, source, back, true, rounding.noise, rounding.error, kInside, out);
+    n_ = out.n;
+}
+
+OnePlane::OnePlane(const Plane& p, bool turned) {
+    const double sign = turned ? -1 : 1;
+    for (std::size_t k = 0; k < 4; ++k) {
+        x[k] = k ? 0 : sign * p.normal.x, y[k] = k ? 0 : sign * p.normal.y, z[k] = k ? 0 : sign * p.normal.z;
+        d[k] = k ? -HUGE_VAL : sign * p.distance;
+    }
 }
 
 namespace {
 
-// Planes through an edge of `a` that touch `b`, `a` behind and `b` in front (or flipped: the other way round).
-void edge_separators(const std::vector<Vec3>& a, const std::vector<Vec3>& b, bool flipped, std::vector<Plane>& out) {
-    Vec3 inside{};
-    for (const Vec3& p : a) inside += p;
-    inside *= 1.0 / static_cast<double>(a.size());
-    for (std::size_t i = 0; i < a.size(); ++i) {
-        const Vec3 p = a[i], edge = a[i + 1 == a.size() ? 0 : i + 1] - p;
-        // Seen along the edge, the plane is a line that turns round p away from `a` until all of b is in front.
-        const Vec3 toward = cross(inside - p, edge); // n = cross(edge, v - p) has `inside` behind if toward * (v - p) < 0
-        Vec3 n{};
-        bool have = false;
-        for (const Vec3& v : b) {
-            if (have && dot(n, v - p) >= 0) continue;
-            n = cross(edge, v - p);
-            if (dot(toward, v - p) > 0) n = -n;
-            have = true;
-        }
-        const double size2 = dot(n, n);
-        if (!(size2 > 1e-8 * dot(edge, edge))) continue; // the touched point nearly on the edge's line: ill-conditioned
-        n = n * (1 / std::sqrt(size2));
-        const double d = dot(n, p);
-        const auto behind = [&](const Vec3& v) { return dot(n, v) - d < -kNoise; };
-        const auto in_front = [&](const Vec3& v) { return dot(n, v) - d > kNoise; };
-        if (std::any_of(b.begin(), b.end(), behind) || std::any_of(a.begin(), a.end(), in_front)) continue;
-        out.push_back(flipped ? Plane{-n, -d} : Plane{n, d});
-    }
-}
+constexpr std::uint32_t kLines = 4; // tried through a chain that the flow has found
 
 // Some bits of a row, those of no bit left out.
 struct Bits {
@@ -76,56 +90,65 @@ struct Frame {
     std::uint32_t next = 0;               // which exit of its cluster comes next
     const std::uint64_t* reach = nullptr; // what may be seen behind it, as far as sets tell that are known beforehand
     const std::uint64_t* passage = nullptr;
-    std::vector<Vec3> source, pass;       // the base portal's has no pass and no separators
-    std::vector<Plane> separators;        // of (source, pass)
+    Polygon source, pass;                 // the base portal's has no pass and no separators
+    Planes separators;                    // of (source, pass)
     std::vector<Bits> wanted;             // what may be seen from here on, was not seen yet and lies behind no plane of the chain
 };
 
-bool hidden(const Directed& portal, const std::vector<Plane>& planes) {
-    for (const Plane& s : planes) {
-        const double d = s.at(portal.center);
-        if (d > kNoise) continue;
-        if (d < -portal.radius) return true;
-        if (std::none_of(portal.points.begin(), portal.points.end(), [&](const Vec3& p) { return s.at(p) > kNoise; })) return true;
-    }
-    return false;
-}
+bool hidden(const Directed& portal, const Planes& planes, double noise) { return kernels().hidden(portal.shape, portal.sphere, planes.view(), noise); }
 
 // May the chain go on to q, as far as sets and planes of all its frames tell? For what was seen already when these were made.
-bool excluded(const std::deque<Frame>& frames, std::size_t depth, const Directed& portal, std::uint32_t q) {
+bool excluded(const std::deque<Frame>& frames, std::size_t depth, const Directed& portal, std::uint32_t q, double noise) {
     for (std::size_t d = 0; d <= depth; ++d)
         if (!get_bit(frames[d].reach, q) || (frames[d].passage && !get_bit(frames[d].passage, q))) return true;
     for (std::size_t d = depth; d > 0; --d)
-        if (hidden(portal, frames[d].separators)) return true;
+        if (hidden(portal, frames[d].separators, noise)) return true;
     return false;
 }
 
-// The parts of two windings that a line forward through both can use, as far as their own planes tell; false: none.
-bool between(const Directed& p, const Directed& q, double epsilon, std::vector<Vec3>& source, std::vector<Vec3>& pass) {
-    if (!p.has_plane) pass = *q.winding;
-    else if (!clip(*q.winding, p.plane, epsilon, pass)) return false;
-    if (!q.has_plane) source = *p.winding;
-    else if (!clip(*p.winding, {-q.plane.normal, -q.plane.distance}, epsilon, source)) return false;
+// The part of q that lies in front of where a line comes from, and the part of a source (of `from`) behind q; false: none.
+bool in_front(const Directed& from, const Directed& q, double epsilon, double noise, Polygon& pass, Polygon& scratch) {
+    if (from.has_plane) return pass.clip(q.shape, OnePlane(from.plane).view(), q.sphere, epsilon, noise, scratch);
+    pass.assign(q.shape);
+    return true;
+}
+bool behind(const Directed& q, const Directed& from, const PointsView& source, double epsilon, double noise, Polygon& out, Polygon& scratch) {
+    if (q.has_plane) return out.clip(source, OnePlane(q.plane, true).view(), from.sphere, epsilon, noise, scratch);
+    out.assign(source);
     return true;
 }
 
 // Strikes what lies behind one of the planes. Most branches end here, long before a chain of portals has been tried for each
 // of these.
-std::uint64_t not_hidden(std::span<const Directed> portals, const std::vector<Plane>& planes, std::size_t word, std::uint64_t all) {
+std::uint64_t not_hidden(std::span<const Directed> portals, const Planes& planes, std::size_t word, std::uint64_t all, double noise) {
     for (std::uint64_t bits = all; bits; bits &= bits - 1)
-        if (const auto i = static_cast<std::size_t>(std::countr_zero(bits)); hidden(portals[word * 64 + i], planes)) all &= ~(std::uint64_t{1} << i);
+        if (const auto i = static_cast<std::size_t>(std::countr_zero(bits)); hidden(portals[word * 64 + i], planes, noise)) all &= ~(std::uint64_t{1} << i);
     return all;
+}
+
+// Does some line lead through all portals of the chain? Tried from the middle of what is left of the first to the middle of what
+// is left of the last, and about there.
+bool line_through(const FlowInput& in, std::span<const std::uint32_t> chain, const Polygon& source, const Polygon& pass) {
+    const auto point = [](const PointsView& v, std::uint32_t favourite) { // its middle, or nearer to one of its points
+        Vec3 sum{};
+        for (std::uint32_t i = 0; i < v.n; ++i) sum += Vec3{v.x[i], v.y[i], v.z[i]};
+        sum = sum * (1.0 / v.n);
+        if (favourite == 0) return sum;
+        const std::uint32_t i = (favourite - 1) % v.n;
+        return sum + (Vec3{v.x[i], v.y[i], v.z[i]} - sum) * 0.75;
+    };
+    for (std::uint32_t k = 0; k < kLines; ++k) {
+        const Vec3 from = point(source.view(), k), way = point(pass.view(), k ? k * 3 + 1 : 0) - from;
+        if (in.windows->line(chain, from, way)) return true;
+    }
+    return false;
 }
 
 } // namespace
 
-void separators(const std::vector<Vec3>& source, const std::vector<Vec3>& pass, std::vector<Plane>& out) {
-    out.clear();
-    edge_separators(source, pass, false, out);
-    edge_separators(pass, source, true, out);
-}
-
-Passages::Passages(std::span<const Directed> portals, const Exits& exits, const BitRows& reach, double epsilon, std::size_t most, const std::function<bool()>& stop, Context& context) : first_(portals.size(), kNone) {
+Passages::Passages(const DirectedPortals& of, const Exits& exits, const BitRows& reach, double epsilon, std::size_t most, const std::function<bool()>& stop, Context& context) : first_(of.ways.size(), kNone) {
+    const std::span<const Directed> portals = of.ways;
+    const double noise = of.rounding.noise;
     const std::size_t words = reach.words();
     std::vector<std::uint32_t> order(portals.size());
     std::iota(order.begin(), order.end(), 0u);
@@ -140,62 +163,85 @@ Passages::Passages(std::span<const Directed> portals, const Exits& exits, const 
     parallel_for(context, portals.size(), [&](std::size_t p) {
         if (first_[p] == kNone) return;
         const auto out = exits.of(portals[p].to);
-        std::vector<Vec3> source, pass;
-        std::vector<Plane> planes;
+        Polygon source, pass, scratch;
+        Planes planes;
         for (std::size_t k = 0; k < out.size(); ++k) {
             const std::uint32_t q = out[k];
             if (!get_bit(reach.row(p), q)) continue;
             std::uint64_t* row = rows_.row(first_[p] + k);
             for (std::size_t w = 0; w < words; ++w) row[w] = reach.row(p)[w] & reach.row(q)[w];
-            if ((stop && stop()) || !between(portals[p], portals[q], epsilon, source, pass)) continue;
-            separators(source, pass, planes);
+            if (stop() || !in_front(portals[p], portals[q], epsilon, noise, pass, scratch) || !behind(portals[q], portals[p], portals[p].shape, epsilon, noise, source, scratch)) continue;
+            planes.separate(source.view(), portals[p], pass.view(), portals[q], of.rounding);
             for (std::size_t w = 0; w < words; ++w)
-                if (row[w]) row[w] = not_hidden(portals, planes, w, row[w]);
+                if (row[w]) row[w] = not_hidden(portals, planes, w, row[w], noise);
         }
     });
 }
 
-void Passages::tighten(std::span<const Directed> portals, const Exits& exits, BitRows& reach, Context& context) const {
-    const std::size_t words = reach.words();
-    for (bool changed = true; changed;) {
-        BitRows next(portals.size(), portals.size());
+void Passages::tighten(std::span<const Directed> portals, const Exits& exits, BitRows& reach, const std::function<bool()>& stop, Context& context) const {
+    const std::size_t words = reach.words(), n = portals.size();
+    std::vector<std::vector<std::uint32_t>> entries(exits.first.size() - 1); // ways into each cluster
+    for (std::uint32_t p = 0; p < n; ++p) entries[portals[p].to].push_back(p);
+    std::vector<std::uint32_t> todo(n);
+    std::iota(todo.begin(), todo.end(), 0u);
+    std::vector<std::uint8_t> changed(n);
+    while (!todo.empty() && !stop()) {
+        BitRows struck(todo.size(), n);
         // Along a chain each portal is behind the passage before it.
-        parallel_for(context, portals.size(), [&](std::size_t p) {
-            std::uint64_t* row = next.row(p);
+        parallel_for(context, todo.size(), [&](std::size_t i) {
+            const std::uint32_t p = todo[i];
+            std::uint64_t* row = struck.row(i);
             const std::uint64_t* old = reach.row(p);
             const auto out = exits.of(portals[p].to);
+            std::copy_n(old, words, row);
+            std::vector<std::pair<const std::uint64_t*, const std::uint64_t*>> beyond; // seen through the next portal, and through the two
             for (std::size_t k = 0; k < out.size(); ++k) {
                 if (!get_bit(old, out[k])) continue;
-                set_bit(row, out[k]);
-                const std::uint64_t* passage = of(static_cast<std::uint32_t>(p), k);
-                const std::uint64_t* beyond = reach.row(out[k]);
-                for (std::size_t w = 0; w < words; ++w) row[w] |= old[w] & beyond[w] & (passage ? passage[w] : ~std::uint64_t{0});
+                clear_bit(row, out[k]);
+                beyond.emplace_back(reach.row(out[k]), of(p, k));
             }
+            for (std::size_t w = 0; w < words; ++w)
+                for (auto it = beyond.begin(); row[w] && it != beyond.end(); ++it) row[w] &= ~(it->first[w] & (it->second ? it->second[w] : ~std::uint64_t{0}));
         });
         // p sees q exactly if q, looked through backwards, sees p backwards.
-        std::vector<std::uint8_t> differs(portals.size(), 0);
-        parallel_for(context, portals.size(), [&](std::size_t p) {
-            std::uint64_t* row = reach.row(p);
+        std::ranges::fill(changed, std::uint8_t{0});
+        for (std::size_t i = 0; i < todo.size(); ++i) {
+            const std::uint32_t p = todo[i];
             for (std::size_t w = 0; w < words; ++w)
-                for (std::uint64_t bits = row[w]; bits; bits &= bits - 1) {
+                for (std::uint64_t bits = struck.row(i)[w]; bits; bits &= bits - 1) {
                     const auto q = static_cast<std::uint32_t>(w * 64 + static_cast<std::size_t>(std::countr_zero(bits)));
-                    if (!get_bit(next.row(p), q) || !get_bit(next.row(reversed(q)), reversed(static_cast<std::uint32_t>(p)))) clear_bit(row, q), differs[p] = 1;
+                    clear_bit(reach.row(p), q), clear_bit(reach.row(reversed(q)), reversed(p));
+                    changed[p] = changed[reversed(q)] = 1;
                 }
-        });
-        changed = std::ranges::count(differs, 1) > static_cast<std::ptrdiff_t>(portals.size() / 8); // the last few are not worth a round
+        }
+        // Whose row changed, and who looks through them, may have more to strike.
+        std::vector<std::uint8_t> again(n, 0);
+        for (std::uint32_t p = 0; p < n; ++p)
+            if (changed[p]) {
+                again[p] = 1;
+                for (const std::uint32_t before : entries[portals[p].from])
+                    if (before != reversed(p)) again[before] = 1;
+            }
+        todo.clear();
+        for (std::uint32_t p = 0; p < n; ++p)
+            if (again[p]) todo.push_back(p);
     }
 }
 
-FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget, std::uint64_t* seen, std::uint64_t* steps, SightChain* chain) {
+FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget, std::uint64_t* seen, FlowFound& found, SightChain* chain) {
+    const std::span<const Directed> portals = in.portals->ways;
+    const Rounding& rounding = in.portals->rounding;
+    const double noise = rounding.noise;
     const std::size_t words = in.reach->words();
-    const Directed& b = in.portals[base];
+    const Directed& b = portals[base];
     std::deque<Frame> frames(1); // a deque: frames stay where they are while deeper ones come
-    std::vector<std::uint8_t> on_chain(in.portals.size(), 0);
-    std::vector<Vec3> scratch;
-    std::vector<Plane> back;
+    std::vector<std::uint8_t> on_chain(portals.size(), 0);
+    std::vector<std::uint32_t> so_far{base}; // the chain
+    Polygon scratch, other;
+    Planes back;
 
     frames[0].portal = base;
-    frames[0].source = *b.winding;
+    frames[0].source.assign(b.shape);
     frames[0].reach = in.reach->row(base);
     for (std::size_t w = 0; w < words; ++w)
         if (const std::uint64_t bits = frames[0].reach[w] & ~seen[w]) frames[0].wanted.push_back({static_cast<std::uint32_t>(w), bits});
@@ -203,11 +249,11 @@ FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget,
     std::size_t depth = 0;
     for (;;) {
         Frame& f = frames[depth];
-        const auto exits = in.exits->of(in.portals[f.portal].to);
+        const auto exits = in.exits->of(portals[f.portal].to);
         if (f.next == exits.size()) {
             on_chain[f.portal] = 0;
             if (depth == 0) return FlowEnd::done;
-            --depth;
+            --depth, so_far.pop_back();
             continue;
         }
         const std::size_t way = f.next++;
@@ -226,55 +272,43 @@ FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget,
                 if (bits) g.wanted.push_back({from.word, bits});
             }
         if (g.wanted.empty() && known) continue;
-        if ((++*steps & 255) == 0 && (*in.stop)()) return FlowEnd::stopped;
-        if (step_budget && *steps >= step_budget) return FlowEnd::over_budget;
+        if ((++found.steps & 255) == 0 && (*in.stop)()) return FlowEnd::stopped;
+        if (step_budget && found.steps >= step_budget) return FlowEnd::over_budget;
         // What was seen already when the planes of the chain were tried is tried against them only now, when it matters:
         // a chain must be the same whatever was known beforehand.
-        if (known && excluded(frames, depth, in.portals[q], q)) continue;
+        if (known && excluded(frames, depth, portals[q], q, noise)) continue;
 
-        const Directed& t = in.portals[q];
-        // q in front of where we look from, and the source behind q.
-        if (b.has_plane) {
-            if (!clip(*t.winding, b.plane, in.epsilon, g.pass)) continue;
-        } else {
-            g.pass = *t.winding;
-        }
-        g.source = f.source;
-        if (t.has_plane) {
-            if (!clip(g.source, {-t.plane.normal, -t.plane.distance}, in.epsilon, scratch)) continue;
-            std::swap(g.source, scratch);
-        }
+        const Directed& t = portals[q];
+        if (!in_front(b, t, in.epsilon, noise, g.pass, scratch)) continue;
+        if (!behind(t, b, f.source.view(), in.epsilon, noise, g.source, scratch)) continue;
         if (depth > 0) {
-            bool visible = true;
-            for (const Plane& s : f.separators) {
-                if (s.at(t.center) > t.radius) continue;
-                if (!(visible = clip(g.pass, s, in.epsilon, scratch))) break;
-                std::swap(g.pass, scratch);
-            }
-            if (!visible) continue;
+            if (!other.clip(g.pass.view(), f.separators.view(), t.sphere, in.epsilon, noise, scratch)) continue;
+            std::swap(g.pass, other);
             // Looking back from q through the portal before it, only a part of the source may be left.
-            separators(g.pass, f.pass, back);
-            for (const Plane& s : back) {
-                if (!(visible = clip(g.source, s, in.epsilon, scratch))) break;
-                std::swap(g.source, scratch);
-            }
-            if (!visible) continue;
+            back.separate(g.pass.view(), t, f.pass.view(), portals[f.portal], rounding);
+            if (!other.clip(g.source.view(), back.view(), b.sphere, in.epsilon, noise, scratch)) continue;
+            std::swap(g.source, other);
         }
+        so_far.push_back(q);
         if (!known) {
             set_bit(seen, q);
             if (chain) {
-                for (std::size_t d = 0; d <= depth; ++d) chain->portals.push_back(frames[d].portal);
-                chain->portals.push_back(q);
-                chain->source = g.source, chain->pass = g.pass;
+                chain->portals = so_far;
+                chain->source = g.source.points(), chain->pass = g.pass.points();
                 return FlowEnd::done;
             }
+            (line_through(in, so_far, g.source, g.pass) ? found.lines : found.witnesses).add(so_far);
         }
-        if (g.wanted.empty()) continue;
-        separators(g.source, g.pass, g.separators);
-        if (depth > 0 || !g.passage) { // else struck by these very planes
-            for (Bits& some : g.wanted) some.bits = not_hidden(in.portals, g.separators, some.word, some.bits);
-            std::erase_if(g.wanted, [](const Bits& some) { return some.bits == 0; });
-            if (g.wanted.empty()) continue;
+        if (!g.wanted.empty()) {
+            g.separators.separate(g.source.view(), b, g.pass.view(), t, rounding);
+            if (depth > 0 || !g.passage) { // else struck by these very planes
+                for (Bits& some : g.wanted) some.bits = not_hidden(portals, g.separators, some.word, some.bits, noise);
+                std::erase_if(g.wanted, [](const Bits& some) { return some.bits == 0; });
+            }
+        }
+        if (g.wanted.empty()) {
+            so_far.pop_back();
+            continue;
         }
         g.portal = q;
         g.next = 0;

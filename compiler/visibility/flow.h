@@ -2,28 +2,61 @@
 // Private to compiler/visibility.
 #pragma once
 #include "compiler/visibility/directed.h"
+#include "compiler/visibility/proven.h"
 #include <functional>
 
 namespace kiln::vis {
 
-// Keeps the part of a convex winding in front of the plane, and the strip of `open` behind it. False, and `out`
-// undefined, where no point lies in front by more than rounding.
-bool clip(const std::vector<Vec3>& in, const Plane& plane, double open, std::vector<Vec3>& out);
+// A convex polygon, its points as arrays; keeps its memory.
+class Polygon {
+public:
+    Polygon() = default;
+    explicit Polygon(std::span<const Vec3> points);
+    void assign(const PointsView& from);
+    PointsView view() const { return {x(), x() + room_, x() + 2 * room_, n_}; }
+    std::vector<Vec3> points() const;
 
-// Planes with all of `source` behind and all of `pass` in front: whoever looks from source through pass sees only
-// what lies in front of each.
-void separators(const std::vector<Vec3>& source, const std::vector<Vec3>& pass, std::vector<Plane>& out);
+    // What of `in` lies in front of the planes; `scratch` is used. False, and this undefined: nothing does.
+    bool clip(const PointsView& in, const PlanesView& planes, const double* sphere, double open, double noise, Polygon& scratch);
+
+private:
+    std::vector<double> data_;
+    std::uint32_t room_ = 0, n_ = 0;
+    double* x() { return data_.data(); }
+    const double* x() const { return data_.data(); }
+    void grow(std::uint32_t room);
+    PointsOut out() { return {x(), x() + room_, x() + 2 * room_, room_, n_}; }
+};
+
+class Planes {
+public:
+    PlanesView view() const { return {data_.data(), data_.data() + room_, data_.data() + 2 * room_, data_.data() + 3 * room_, n_}; }
+    // Those with all of `source` behind and all of `pass` in front: who looks from source through pass sees only what lies in
+    // front of each. The normals are those of the portals that the two are part of; null: it has none.
+    void separate(const PointsView& source, const Directed& of_source, const PointsView& pass, const Directed& of_pass, const Rounding& rounding);
+
+private:
+    std::vector<double> data_;
+    std::uint32_t room_ = 0, n_ = 0;
+};
+
+// A single plane in the shape of several.
+struct OnePlane {
+    double x[4], y[4], z[4], d[4];
+    explicit OnePlane(const Plane& p, bool turned = false);
+    PlanesView view() const { return {x, y, z, d, 1}; }
+};
 
 // What may be seen through two portals one after the other: of each way p and each way q out of the cluster it leads to, the
 // portals not hidden by the planes that separate the two whole windings. Known beforehand, it costs a chain an `and`.
 class Passages {
 public:
     // `most`: bytes; ways into clusters with the most ways out go without. Once `stop` says so, the rest is left as it is.
-    Passages(std::span<const Directed> portals, const Exits& exits, const BitRows& reach, double epsilon, std::size_t most, const std::function<bool()>& stop, Context& context);
+    Passages(const DirectedPortals& portals, const Exits& exits, const BitRows& reach, double epsilon, std::size_t most, const std::function<bool()>& stop, Context& context);
     // Of the k-th way out; null: not known, anything.
     const std::uint64_t* of(std::uint32_t p, std::size_t k) const { return first_[p] == kNone ? nullptr : rows_.row(first_[p] + k); }
-    // Strikes from `reach` what is behind no passage, and what does not see back; again until nothing changes.
-    void tighten(std::span<const Directed> portals, const Exits& exits, BitRows& reach, Context& context) const;
+    // Strikes from `reach` what is behind no passage, and what does not see back, until nothing changes or `stop` says so.
+    void tighten(std::span<const Directed> portals, const Exits& exits, BitRows& reach, const std::function<bool()>& stop, Context& context) const;
 
 private:
     static constexpr std::size_t kNone = SIZE_MAX;
@@ -32,17 +65,42 @@ private:
 };
 
 struct FlowInput {
-    std::span<const Directed> portals;
+    const DirectedPortals* portals;
     const Exits* exits;
-    const BitRows* reach;               // per portal: final where `done`, else an upper bound
+    const Windows* windows;
+    const BitRows* reach;               // per portal: an upper bound
     const Passages* passages;
     double epsilon;                     // map units every clip leaves standing behind its plane
     const std::function<bool()>* stop;  // asked now and then: true ends it
 };
 
+// Chains of portals, one after the other.
+class Chains {
+public:
+    template <class Range> void add(const Range& chain) {
+        for (const std::uint32_t p : chain) portals_.push_back(p);
+        end_.push_back(static_cast<std::uint32_t>(portals_.size()));
+    }
+    std::size_t size() const { return end_.size(); }
+    std::span<const std::uint32_t> operator[](std::size_t i) const {
+        const std::size_t begin = i ? end_[i - 1] : 0;
+        return {portals_.data() + begin, end_[i] - begin};
+    }
+    void clear() { portals_.clear(), end_.clear(); }
+    template <class A> void fields(A& a) { a(portals_, end_); }
+
+private:
+    std::vector<std::uint32_t> portals_, end_;
+};
+
 enum class FlowEnd { done, over_budget, stopped };
+struct FlowFound {
+    std::uint64_t steps = 0;
+    Chains witnesses; // of each portal that was added the chain that led to it: valid as long as along it each `reach` holds all later ones
+    Chains lines;     // those among them that a line was found through
+};
 // Adds the portals seen through p to `seen`. What is marked there beforehand need not be searched for; whether it is changes
 // nothing of what is added. Not done: `seen` is unusable. `chain`: ends at the first that is added and says how it was reached.
-FlowEnd flow(const FlowInput& input, std::uint32_t p, std::uint64_t step_budget, std::uint64_t* seen, std::uint64_t* steps, SightChain* chain = nullptr);
+FlowEnd flow(const FlowInput& input, std::uint32_t p, std::uint64_t step_budget, std::uint64_t* seen, FlowFound& found, SightChain* chain = nullptr);
 
 } // namespace kiln::vis

@@ -7,15 +7,9 @@
 #include <cmath>
 
 namespace kiln::vis {
-namespace {
-
-constexpr double kInside = 1e-6; // map units: so far within a portal a line has to pass to prove anything
-
-} // namespace
-
-Windows::Windows(std::span<const Directed> portals) {
-    first_.push_back(0);
-    for (const Directed& p : portals) {
+Windows::Windows(const DirectedPortals& portals) : noise_(portals.rounding.noise) {
+    for (const Directed& p : portals.ways) {
+        Window window{p.plane, static_cast<std::uint32_t>(edges_.size()), 0, p.to};
         const std::size_t n = p.has_plane ? p.winding->size() : 0;
         for (std::size_t i = 0; i < n; ++i) {
             const Vec3 a = (*p.winding)[i], b = (*p.winding)[(i + 1) % n];
@@ -24,13 +18,19 @@ Windows::Windows(std::span<const Directed> portals) {
             if (const double size = length(in); size > 0) in = in / size;
             edges_.push_back({in, dot(in, a) + kInside});
         }
-        first_.push_back(static_cast<std::uint32_t>(edges_.size()));
+        window.last = static_cast<std::uint32_t>(edges_.size());
+        of_.push_back(window);
     }
 }
-bool Windows::hold(std::uint32_t p, Vec3 x) const {
-    if (first_[p] == first_[p + 1]) return false;
-    for (std::uint32_t i = first_[p]; i < first_[p + 1]; ++i)
-        if (dot(edges_[i].normal, x) < edges_[i].distance) return false;
+bool Windows::line(std::span<const std::uint32_t> chain, Vec3 from, Vec3 way) const {
+    double last = -HUGE_VAL, slow = HUGE_VAL; // of the portal before it
+    for (const std::uint32_t p : chain) {
+        const double speed = dot(plane(p).normal, way);
+        if (!(speed > 0)) return false;
+        const double t = -plane(p).at(from) / speed;
+        if (!((t - last) * std::min(speed, slow) > noise_) || !hold(p, from + way * t)) return false;
+        last = t, slow = speed;
+    }
     return true;
 }
 
@@ -50,10 +50,25 @@ Vec3 point_in(const std::vector<Vec3>& w, Random& random) {
     return w[0] * (1 - t.x - t.y) + w[k] * t.x + w[k + 1] * t.y;
 }
 
-BitRows proven(std::span<const Directed> portals, const Exits& exits, const BitRows& reach, std::uint32_t rays, Context& context) {
+namespace {
+
+constexpr std::size_t kMarked = 12;
+
+// Somewhere in it, not evenly.
+Vec3 any_point_in(std::span<const Vec3> w, Random& random) {
+    if (w.size() < 3) return w[0];
+    const std::size_t k = 1 + std::min(w.size() - 3, static_cast<std::size_t>(random() * static_cast<double>(w.size() - 2)));
+    const double u = random(), v = random();
+    const Vec2 t = uniform_triangle({u, v});
+    return w[0] * (1 - t.x - t.y) + w[k] * t.x + w[k + 1] * t.y;
+}
+
+} // namespace
+
+BitRows proven(const DirectedPortals& of, const Exits& exits, const Windows& windows, const BitRows& reach, std::uint32_t rays, const std::function<bool()>& stop, Context& context) {
+    const std::span<const Directed> portals = of.ways;
     const std::size_t n = portals.size(), words = reach.words();
     BitRows known(n, n);
-    const Windows windows(portals);
     const auto mark = [&](std::uint32_t a, std::uint32_t b) {
         const std::uint64_t bit = std::uint64_t{1} << (b % 64);
         if (!(reach.row(a)[b / 64] & bit)) return;
@@ -62,6 +77,7 @@ BitRows proven(std::span<const Directed> portals, const Exits& exits, const BitR
     };
     parallel_for(context, n, [&](std::size_t i) {
         const auto p = static_cast<std::uint32_t>(i);
+        if (stop()) return;
         std::vector<std::uint32_t> open; // what may be seen from here, and no line of this portal has reached yet
         for (std::size_t w = 0; w < words; ++w)
             for (std::uint64_t bits = reach.row(p)[w]; bits; bits &= bits - 1) open.push_back(static_cast<std::uint32_t>(w * 64 + static_cast<std::size_t>(std::countr_zero(bits))));
@@ -75,27 +91,27 @@ BitRows proven(std::span<const Directed> portals, const Exits& exits, const BitR
                 open[k] = open.back(), open.pop_back();
                 continue;
             }
-            const Vec3 from = point_in(*portals[p].winding, random), way = point_in(*portals[target].winding, random) - from;
-            if (!windows.hold(p, from) || !(dot(portals[p].plane.normal, way) > 0)) continue;
+            const Vec3 from = any_point_in(portals[p].points, random), way = any_point_in(portals[target].points, random) - from;
+            const double start = dot(windows.plane(p).normal, way);
+            if (!windows.hold(p, from) || !(start > 0)) continue;
             chain.assign(1, p);
-            double at = 0; // of `way`
+            double at = 0, slow = start; // of `way`; along the normal of the last
             for (std::uint32_t last = p; chain.size() <= n;) {
-                double nearest = HUGE_VAL;
+                double nearest = HUGE_VAL, its = 0;
                 auto next = static_cast<std::uint32_t>(n);
-                for (const std::uint32_t q : exits.of(portals[last].to)) {
-                    if (q == reversed(last)) continue;
-                    const double speed = dot(portals[q].plane.normal, way);
-                    if (!(speed > 0)) continue;
-                    const double t = -portals[q].plane.at(from) / speed;
-                    if (t <= at || t >= nearest || !windows.hold(q, from + way * t)) continue;
-                    nearest = t, next = q;
+                for (const std::uint32_t q : exits.of(windows.to(last))) {
+                    const double speed = dot(windows.plane(q).normal, way);
+                    if (!(speed > 0)) continue; // the way back among them
+                    const double t = -windows.plane(q).at(from) / speed;
+                    if (!((t - at) * std::min(speed, slow) > windows.noise()) || t >= nearest || !windows.hold(q, from + way * t)) continue;
+                    nearest = t, next = q, its = speed;
                 }
                 if (next == n) break;
                 chain.push_back(next), set_bit(mine.data(), next);
-                last = next, at = nearest;
+                last = next, at = nearest, slow = its;
             }
-            // Along a line each portal sees all later ones, and backwards.
-            for (std::size_t a = 0; a < chain.size(); ++a)
+            // Along a line each portal sees all later ones, and backwards. Of a long one what its first see will do.
+            for (std::size_t a = 0; a < std::min(chain.size(), kMarked); ++a)
                 for (std::size_t b = a + 1; b < chain.size(); ++b) mark(chain[a], chain[b]), mark(reversed(chain[b]), reversed(chain[a]));
         }
     });

@@ -15,18 +15,11 @@ constexpr int kLines = 20000; // that are tried
 // A line through all portals of the chain, from the first to the last.
 std::vector<Vec3> line_through(std::span<const Directed> portals, const Windows& windows, const SightChain& chain) {
     Random random(chain.portals.size());
-    const auto holds = [&](std::uint32_t p, Vec3 from, Vec3 way) {
-        const double speed = dot(portals[p].plane.normal, way);
-        return speed > 0 && windows.hold(p, from - way * (portals[p].plane.at(from) / speed));
-    };
     for (int i = 0; i < kLines; ++i) {
         const Vec3 a = point_in(chain.source, random), b = point_in(chain.pass, random);
-        bool all = length(b - a) > 0 || chain.portals.size() == 1;
-        for (const std::uint32_t p : chain.portals) all = all && holds(p, a, chain.portals.size() == 1 ? portals[p].plane.normal : b - a);
-        if (!all) continue;
-        if (chain.portals.size() > 1) return {a, b};
         const Vec3 n = portals[chain.portals[0]].plane.normal; // neighbours: straight through, a unit to either side
-        return {a - n, a + n};
+        const bool alone = chain.portals.size() == 1;
+        if (windows.line(chain.portals, a, alone ? n : b - a)) return alone ? std::vector{a - n, a + n} : std::vector{a, b};
     }
     return {};
 }
@@ -36,9 +29,10 @@ std::vector<Vec3> line_through(std::span<const Directed> portals, const Windows&
 std::optional<SightChain> find_sight(std::span<const VisPortal> map_portals, std::uint32_t cluster_count, std::uint32_t from, std::uint32_t to, const VisibilityOptions& options, Context& context) {
     if (from >= cluster_count || to >= cluster_count) return std::nullopt;
     if (from == to) return SightChain{};
-    const std::vector<Directed> portals = directed_portals(map_portals);
+    const DirectedPortals directed = directed_portals(map_portals);
+    const std::span<const Directed> portals = directed.ways;
     const Exits exits = exits_of(portals, cluster_count);
-    const Windows windows(portals);
+    const Windows windows(directed);
     std::optional<SightChain> found;
     const auto offer = [&](SightChain chain) { // one with a line is what is wanted, then one of few portals
         chain.line = line_through(portals, windows, chain);
@@ -48,10 +42,10 @@ std::optional<SightChain> find_sight(std::span<const VisPortal> map_portals, std
     for (const std::uint32_t p : exits.of(from))
         if (portals[p].to == to && offer({{p}, *portals[p].winding, *portals[p].winding, {}})) return found;
     if (found) return found; // neighbours by a portal without area
-    const BitRows reach = flood(portals, exits, options.radius, context);
-    const Passages none(portals, exits, reach, options.epsilon, 0, {}, context);
     const std::function<bool()> stop = [&] { return context.cancelled(); };
-    const FlowInput input{portals, &exits, &reach, &none, options.epsilon, &stop};
+    const BitRows reach = flood(directed, exits, options.radius, stop, context);
+    const Passages none(directed, exits, reach, options.epsilon, 0, stop, context);
+    const FlowInput input{&directed, &exits, &windows, &reach, &none, options.epsilon, &stop};
     for (const std::uint32_t p : exits.of(from)) {
         context.check_cancelled();
         // Everything but the ways into `to` counts as seen already: the flow searches for these alone. A chain through which
@@ -60,9 +54,9 @@ std::optional<SightChain> find_sight(std::span<const VisPortal> map_portals, std
         for (std::uint32_t q = 0; q < portals.size(); ++q)
             if (portals[q].to == to) clear_bit(seen.data(), q);
         for (;;) {
-            std::uint64_t steps = 0;
+            FlowFound found_here;
             SightChain chain;
-            if (flow(input, p, options.step_budget, seen.data(), &steps, &chain) == FlowEnd::stopped) context.check_cancelled();
+            if (flow(input, p, options.step_budget, seen.data(), found_here, &chain) == FlowEnd::stopped) context.check_cancelled();
             if (chain.portals.empty()) break;
             if (offer(std::move(chain))) return found;
         }

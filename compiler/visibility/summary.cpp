@@ -9,7 +9,8 @@ FilePortals vis_portals(const PortalFile& file) {
     out.portals.reserve(file.portals.size());
     for (const FilePortal& p : file.portals) out.portals.push_back({p.front, p.back, p.winding});
 
-    const std::vector<vis::Directed> directed = vis::directed_portals(out.portals);
+    const vis::DirectedPortals all = vis::directed_portals(out.portals);
+    const std::span<const vis::Directed> directed = all.ways;
     std::vector<std::vector<std::uint32_t>> of_cluster(file.cluster_count);
     for (std::uint32_t i = 0; i < out.portals.size(); ++i) {
         of_cluster[out.portals[i].cluster_front].push_back(i);

@@ -24,7 +24,7 @@ namespace {
 using namespace vis;
 
 // A wave takes this share of what is finished: fewer waves leave threads less idle, smaller ones know more.
-constexpr std::size_t kFirstWave = 32, kWaveShare = 32;
+constexpr std::size_t kFirstWave = 64, kWaveShare = 16;
 constexpr std::size_t kMostPassages = std::size_t{1} << 30; // bytes
 
 double thread_seconds() { // CPU time of this thread
@@ -79,40 +79,47 @@ std::optional<Fault> unusable(std::span<const VisPortal> portals, std::uint32_t 
     return std::nullopt;
 }
 
-// The flow of all ways, wave by wave.
+// The flow of all ways, wave by wave, down to the largest set of pairs each of which a chain or a line still leads to when all the
+// others are struck. That set is one and the same in whatever order it is come to: NOTES.md.
 class Flows {
 public:
-    Flows(std::span<const Directed> portals, const Exits& exits, BitRows& reach, const VisibilityOptions& options, const VisibilityRun& run, VisibilityProgress& state, Context& context)
-        : portals_(portals), exits_(exits), reach_(reach), options_(options), run_(run), state_(state), context_(context),
-          stop_([this] { return context_.cancelled() || late(); }) {}
+    Flows(const DirectedPortals& portals, const Exits& exits, BitRows& reach, const VisibilityOptions& options, const VisibilityRun& run, VisibilityProgress& state, const std::function<bool()>& stop, Context& context)
+        : portals_(portals.ways), directed_(portals), exits_(exits), reach_(reach), options_(options), run_(run), state_(state), stop_(stop), context_(context), windows_(portals), words_(reach.words()) {}
 
     // False: time was up.
     bool run() {
-        const bool resumed = state_.begun && state_.reach.size() == reach_.data().size() && state_.loose.size() == portals_.size();
+        const std::size_t n = portals_.size();
+        const bool resumed = state_.begun && state_.reach.size() == reach_.data().size() && state_.proven.size() == reach_.data().size() && state_.loose.size() == n;
         if (!resumed) {
             state_ = {};
-            state_.open.resize(portals_.size());
+            state_.open.resize(n);
             std::iota(state_.open.begin(), state_.open.end(), 0u);
-            state_.loose.assign(portals_.size(), 0);
+            state_.loose.assign(n, 0);
         }
+        if (resumed) reach_.data() = state_.reach; // passages then lack what it lacks, and are held against it only together with it
         if (late()) return false;
-        const Passages passages(portals_, exits_, reach_, options_.epsilon, kMostPassages, stop_, context_);
-        passages.tighten(portals_, exits_, reach_, context_);
-        if (late()) return false; // of a start that was not finished nothing is kept: passages would not be the same later
-        known_ = options_.rays ? proven(portals_, exits_, reach_, options_.rays, context_) : BitRows(portals_.size(), portals_.size());
+        const Passages passages(directed_, exits_, reach_, options_.epsilon, kMostPassages, stop_, context_);
+        if (!resumed) passages.tighten(portals_, exits_, reach_, stop_, context_);
+        // Of a start that was not finished nothing is kept: passages and lines would not be the same later.
+        if (late()) return false;
         if (resumed) {
-            reach_.data() = state_.reach;
-            std::vector<std::uint8_t> finished(portals_.size(), 1);
-            for (const auto* list : {&state_.open, &state_.put_off})
-                for (const std::uint32_t p : *list) finished.at(p) = 0;
-            for (std::uint32_t p = 0; p < portals_.size(); ++p)
-                if (finished[p] && !state_.loose[p]) claim(p);
+            known_ = BitRows(n, n);
+            known_.data() = std::move(state_.proven);
+        } else {
+            known_ = options_.rays ? proven(directed_, exits_, windows_, reach_, options_.rays, stop_, context_) : BitRows(n, n);
+            if (late()) return false;
         }
-        const FlowInput input{portals_, &exits_, &reach_, &passages, options_.epsilon, &stop_};
+        set_ranks();
+        count_.resize(n);
+        for (std::size_t p = 0; p < n; ++p) count_[p] = count_bits(reach_.row(p), words_);
+        const FlowInput input{&directed_, &exits_, &windows_, &reach_, &passages, options_.epsilon, &stop_};
         try {
             for (;;) {
-                if (state_.open.empty() && !again()) break;
-                if (late() || !wave(input)) return keep(false);
+                bool going = true;
+                if (!state_.open.empty() || more()) going = !late() && wave(input);
+                else if (!find_again()) break;
+                else going = !late() && once_more(input);
+                if (!going) return keep(false);
             }
         } catch (const Cancelled&) {
             keep(false);
@@ -123,32 +130,51 @@ public:
 
 private:
     std::span<const Directed> portals_;
+    const DirectedPortals& directed_;
     const Exits& exits_;
     BitRows& reach_;
     BitRows known_; // what a way sees, whatever its flow would say
     const VisibilityOptions& options_;
     const VisibilityRun& run_;
     VisibilityProgress& state_;
+    const std::function<bool()>& stop_;
     Context& context_;
-    std::function<bool()> stop_;
-    std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+    const Windows windows_;
+    const std::size_t words_;
+    std::vector<std::uint32_t> rank_;
+    std::vector<std::size_t> count_; // bits of the rows of reach_
 
-    bool late() const { return run_.seconds > 0 && std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count() > run_.seconds; }
+    bool late() const {
+        context_.check_cancelled();
+        return stop_();
+    }
     bool keep(bool whole) {
         state_.begun = true;
-        if (run_.progress) state_.reach = reach_.data();
+        if (run_.progress) state_.reach = reach_.data(), state_.proven = known_.data();
         return whole;
     }
-    // p sees q: q looked through backwards sees p backwards, and need not search for it.
-    void claim(std::uint32_t p) {
-        const std::uint64_t* row = reach_.row(p);
-        for (std::size_t w = 0; w < reach_.words(); ++w)
-            for (std::uint64_t bits = row[w]; bits; bits &= bits - 1)
-                set_bit(known_.row(reversed(static_cast<std::uint32_t>(w * 64 + static_cast<std::size_t>(std::countr_zero(bits))))), reversed(p));
+    // Each pair is searched for from one of its ends, the one that lies first in a direction that is no axis: a way then looks for
+    // nothing behind it, where whole branches end at once, and no pair's end depends on the rest of the map.
+    void set_ranks() {
+        const std::size_t portals = portals_.size() / 2;
+        std::vector<std::uint32_t> order(portals);
+        std::iota(order.begin(), order.end(), 0u);
+        std::ranges::stable_sort(order, {}, [&](std::uint32_t i) { return dot(Vec3{1, 0.7, 0.3}, portals_[2 * i].center); });
+        rank_.resize(portals);
+        for (std::uint32_t k = 0; k < portals; ++k) rank_[order[k]] = k;
+    }
+    void not_searched(std::uint32_t p, std::uint64_t* row) const {
+        const std::uint32_t mine = rank_[p / 2];
+        for (std::size_t w = 0; w < words_; ++w) {
+            std::uint64_t others = 0;
+            const std::size_t first = w * 32, count = std::min<std::size_t>(32, rank_.size() - first);
+            for (std::size_t k = 0; k < count; ++k) others |= static_cast<std::uint64_t>(rank_[first + k] < mine ? 3 : 0) << (2 * k);
+            row[w] = (known_.row(p)[w] | others) & reach_.row(p)[w];
+        }
     }
     std::uint64_t left() const { return options_.total_budget > state_.steps ? options_.total_budget - state_.steps : 0; }
     // Those that had no luck with their share of the budget try with a larger one, while that is worth a try.
-    bool again() {
+    bool more() {
         if (state_.put_off.empty()) return false;
         const std::uint64_t share = left() / state_.put_off.size();
         if (share < 2 * state_.share || share == 0) {
@@ -159,13 +185,54 @@ private:
         state_.open = std::exchange(state_.put_off, {});
         return true;
     }
+    // p does not see q: q looked through backwards does not see p backwards.
+    void strike(std::uint32_t p, std::uint32_t q) {
+        for (const auto& [a, b] : {std::pair{p, q}, std::pair{reversed(q), reversed(p)}})
+            if (get_bit(reach_.row(a), b)) clear_bit(reach_.row(a), b), --count_[a];
+    }
+    // Along a line each portal sees all later ones, and backwards.
+    void learn(const Chains& lines) {
+        for (std::size_t i = 0; i < lines.size(); ++i)
+            for (std::size_t a = 0; a < lines[i].size(); ++a)
+                for (std::size_t b = a + 1; b < lines[i].size(); ++b) {
+                    set_bit(known_.row(lines[i][a]), lines[i][b]);
+                    set_bit(known_.row(reversed(lines[i][b])), reversed(lines[i][a]));
+                }
+    }
+    void remember(const Chains& witnesses) {
+        for (std::size_t i = 0; i < witnesses.size(); ++i) {
+            state_.witnesses.push_back(static_cast<std::uint32_t>(witnesses[i].size()));
+            state_.witnesses.insert(state_.witnesses.end(), witnesses[i].begin(), witnesses[i].end());
+        }
+    }
+    void strike_unseen(std::uint32_t p, const std::uint64_t* seen) {
+        for (std::size_t w = 0; w < words_; ++w)
+            for (std::uint64_t bits = reach_.row(p)[w] & ~seen[w]; bits; bits &= bits - 1) strike(p, static_cast<std::uint32_t>(w * 64 + static_cast<std::size_t>(std::countr_zero(bits))));
+    }
+
+    // The flows of some ways, all from what is known before the first of them: whoever is quicker. False: stopped, and none of them counts.
+    struct Results {
+        std::vector<std::uint64_t> rows; // what is seen; on the way in: what need not be searched for
+        std::vector<FlowFound> found;
+        std::vector<FlowEnd> ends;
+    };
+    bool flows(const FlowInput& input, std::span<const std::uint32_t> ways, std::uint64_t budget, Results& r) {
+        r.found.assign(ways.size(), {});
+        r.ends.assign(ways.size(), FlowEnd::stopped);
+        std::vector<double> seconds(ways.size(), 0);
+        parallel_for(context_, ways.size(), [&](std::size_t i) {
+            const auto begin = thread_seconds();
+            r.ends[i] = flow(input, ways[i], budget, r.rows.data() + i * words_, r.found[i]);
+            seconds[i] = thread_seconds() - begin;
+        });
+        if (std::ranges::find(r.ends, FlowEnd::stopped) != r.ends.end()) return context_.check_cancelled(), false;
+        if (run_.waves) run_.waves->push_back(std::move(seconds));
+        return true;
+    }
+
     bool wave(const FlowInput& input) {
-        context_.check_cancelled();
         std::vector<std::uint32_t>& open = state_.open;
-        const std::size_t words = reach_.words();
-        std::vector<std::size_t> count(portals_.size());
-        for (const std::uint32_t p : open) count[p] = count_bits(reach_.row(p), words);
-        std::ranges::sort(open, [&](std::uint32_t a, std::uint32_t b) { return count[a] != count[b] ? count[a] < count[b] : a < b; });
+        std::ranges::sort(open, [&](std::uint32_t a, std::uint32_t b) { return count_[a] != count_[b] ? count_[a] < count_[b] : a < b; });
         const std::size_t finished = portals_.size() - open.size();
         const std::size_t size = std::min(open.size(), std::max(kFirstWave, finished / kWaveShare));
         const std::vector<std::uint32_t> wave(open.begin(), open.begin() + static_cast<std::ptrdiff_t>(size));
@@ -173,27 +240,19 @@ private:
         std::uint64_t share = 0;
         if (options_.total_budget) share = std::max<std::uint64_t>(1, left() / std::max<std::size_t>(1, (open.size() + state_.put_off.size()) / 4));
         const std::uint64_t budget = !share ? options_.step_budget : options_.step_budget ? std::min(share, options_.step_budget) : share;
-        // `reach` stands still while the wave runs: each way sees what the waves before it left, whoever is quicker.
-        std::vector<std::uint64_t> rows(size * words, 0), steps(size, 0);
-        std::vector<FlowEnd> ends(size, FlowEnd::stopped);
-        std::vector<double> seconds(size, 0);
-        parallel_for(context_, size, [&](std::size_t i) {
-            const auto begin = thread_seconds();
-            std::uint64_t* row = rows.data() + i * words;
-            for (std::size_t w = 0; w < words; ++w) row[w] = known_.row(wave[i])[w] & reach_.row(wave[i])[w];
-            ends[i] = flow(input, wave[i], budget, row, &steps[i]);
-            seconds[i] = thread_seconds() - begin;
-        });
-        if (std::ranges::find(ends, FlowEnd::stopped) != ends.end()) return context_.check_cancelled(), false; // as if it had not begun
-        if (run_.waves) run_.waves->push_back(std::move(seconds));
+        Results r;
+        r.rows.resize(size * words_);
+        for (std::size_t i = 0; i < size; ++i)
+            not_searched(wave[i], r.rows.data() + i * words_);
+        if (!flows(input, wave, budget, r)) return false;
         open.erase(open.begin(), open.begin() + static_cast<std::ptrdiff_t>(size));
-        std::vector<std::uint32_t> done;
         for (std::size_t i = 0; i < size; ++i) {
             const std::uint32_t p = wave[i];
-            state_.steps += steps[i];
-            if (ends[i] == FlowEnd::done) {
-                std::copy_n(rows.data() + i * words, words, reach_.row(p));
-                done.push_back(p);
+            state_.steps += r.found[i].steps;
+            learn(r.found[i].lines); // a line is one, however the search went on
+            if (r.ends[i] == FlowEnd::done) {
+                strike_unseen(p, r.rows.data() + i * words_);
+                remember(r.found[i].witnesses);
             } else if (share && (!options_.step_budget || share < options_.step_budget)) {
                 state_.put_off.push_back(p);
                 state_.share = std::max(state_.share, share);
@@ -201,17 +260,54 @@ private:
                 state_.loose[p] = 1;
             }
         }
-        for (const std::uint32_t p : done) claim(p);
-        // p sees q exactly if q, looked through backwards, sees p backwards: what p does not see need not look for p.
-        const auto strike = [&](const std::vector<std::uint32_t>& list) {
-            parallel_for(context_, list.size(), [&](std::size_t k) {
-                std::uint64_t* row = reach_.row(list[k]);
-                for (const std::uint32_t p : done)
-                    if (!get_bit(reach_.row(p), reversed(list[k]))) clear_bit(row, reversed(p));
-            });
-        };
-        strike(open), strike(state_.put_off);
         context_.say("vis", static_cast<double>(finished + size) / static_cast<double>(portals_.size()));
+        return true;
+    }
+
+    // Of those that no line proves: is the chain still one that holds, or did a way done later strike what it goes through?
+    bool holds(std::span<const std::uint32_t> chain) const {
+        if (get_bit(known_.row(chain.front()), chain.back())) return true;
+        for (std::size_t a = 0; a < chain.size(); ++a)
+            for (std::size_t b = a + 1; b < chain.size(); ++b)
+                if (!get_bit(reach_.row(chain[a]), chain[b])) return false;
+        return true;
+    }
+    template <class F> void each_witness(F&& f) const {
+        for (std::size_t i = 0; i < state_.witnesses.size(); i += 1 + state_.witnesses[i]) f(std::span{state_.witnesses}.subspan(i + 1, state_.witnesses[i]));
+    }
+    bool find_again() {
+        std::vector<std::uint8_t> is(portals_.size(), 0);
+        each_witness([&](std::span<const std::uint32_t> chain) {
+            if (!state_.loose[chain.front()] && get_bit(reach_.row(chain.front()), chain.back()) && !holds(chain)) is[chain.front()] = 1;
+        });
+        state_.again.clear();
+        for (std::uint32_t p = 0; p < portals_.size(); ++p)
+            if (is[p]) state_.again.push_back(p);
+        return !state_.again.empty();
+    }
+    // Those ways look for another chain to what they have lost the chain to.
+    bool once_more(const FlowInput& input) {
+        const std::vector<std::uint32_t>& ways = state_.again;
+        std::vector<std::uint32_t> at(portals_.size(), 0);
+        Results r;
+        r.rows.resize(ways.size() * words_);
+        for (std::uint32_t i = 0; i < ways.size(); ++i) std::copy_n(reach_.row(ways[i]), words_, r.rows.data() + i * words_), at[ways[i]] = i;
+        std::vector<std::uint32_t> kept;
+        each_witness([&](std::span<const std::uint32_t> chain) {
+            if (!get_bit(reach_.row(chain.front()), chain.back())) return;
+            if (holds(chain)) kept.push_back(static_cast<std::uint32_t>(chain.size())), kept.insert(kept.end(), chain.begin(), chain.end());
+            else clear_bit(r.rows.data() + at[chain.front()] * words_, chain.back());
+        });
+        const std::uint64_t budget = options_.total_budget ? std::max<std::uint64_t>(1, options_.step_budget ? std::min(options_.step_budget, left()) : left()) : options_.step_budget;
+        if (!flows(input, ways, budget, r)) return false;
+        state_.witnesses = std::move(kept);
+        for (std::size_t i = 0; i < ways.size(); ++i) {
+            state_.steps += r.found[i].steps;
+            learn(r.found[i].lines);
+            if (r.ends[i] != FlowEnd::done) state_.loose[ways[i]] = 1;
+            else strike_unseen(ways[i], r.rows.data() + i * words_), remember(r.found[i].witnesses);
+        }
+        state_.again.clear();
         return true;
     }
 };
@@ -221,24 +317,32 @@ private:
 Result<Visibility> compute_visibility(std::span<const VisPortal> map_portals, std::uint32_t cluster_count,
                                       const VisibilityOptions& options, Context& context, const VisibilityRun& run) {
     if (auto wrong = unusable(map_portals, cluster_count)) return *wrong;
-    if (run.stopped) *run.stopped = false;
-    const std::vector<Directed> portals = directed_portals(map_portals);
+    const auto begin = std::chrono::steady_clock::now();
+    const std::function<bool()> stop = [&] {
+        return context.cancelled() || (run.seconds > 0 && std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() > run.seconds);
+    };
+    const DirectedPortals portals = directed_portals(map_portals);
     const Exits exits = exits_of(portals, cluster_count);
-    BitRows reach = flood(portals, exits, options.radius, context);
+    BitRows reach = flood(portals, exits, options.radius, stop, context);
     VisibilityProgress own;
     VisibilityProgress& state = run.progress ? *run.progress : own;
     bool whole = true;
-    if (!options.fast) whole = Flows(portals, exits, reach, options, run, state, context).run();
+    if (!options.fast) whole = Flows(portals, exits, reach, options, run, state, stop, context).run();
+    else whole = !stop();
+    context.check_cancelled();
+    if (run.stopped) *run.stopped = !whole;
     Visibility v = rows_of(portals, exits, reach, cluster_count, context);
-    if (options.fast) return v;
+    if (options.fast) {
+        if (!whole) v.loose.resize(map_portals.size()), std::iota(v.loose.begin(), v.loose.end(), 0u);
+        return v;
+    }
     v.steps = state.steps;
     std::vector<std::uint8_t> loose(map_portals.size(), 0);
-    for (std::size_t p = 0; p < portals.size(); ++p) loose[p / 2] |= state.loose[p];
-    for (const auto* list : {&state.open, &state.put_off})
+    for (std::size_t p = 0; p < portals.ways.size(); ++p) loose[p / 2] |= state.loose[p];
+    for (const auto* list : {&state.open, &state.put_off, &state.again})
         for (const std::uint32_t p : *list) loose[p / 2] = 1;
     for (std::uint32_t p = 0; p < loose.size(); ++p)
         if (loose[p]) v.loose.push_back(p);
-    if (run.stopped) *run.stopped = !whole;
     return v;
 }
 

@@ -4,6 +4,7 @@
 #include "libs/core/file.h"
 #include "tools/kiln/commands.h"
 #include "tools/kiln/dump_rows.h"
+#include "tools/kiln/foreign_portals.h"
 #include "tools/kiln/level_file.h"
 #include <fmt/format.h>
 #include <set>
@@ -275,7 +276,7 @@ Command dump_command(CLI::App& app) {
         return std::ranges::find(names, word) != names.end() ? std::string() : "no artefact " + word + "; `kiln dump --help` lists all";
     });
     o->bake.add_to(app);
-    app.get_option("map")->description("The map (.vmf, .vmm, .map), or a level file");
+    app.get_option("map")->description("The map (.vmf, .vmm, .map), or a level file; for vis also a portal file (.prt)");
     app.add_option("-o,--output", o->output, "File (default: standard output)")->type_name("FILE");
     app.add_flag("--json", o->json, "JSON: an array, one row a line");
     app.add_option("--filter", o->filters, "Only rows with this value, as the text shows it; several: all must hold")->type_name("KEY=VALUE")->check([](const std::string& f) {
@@ -306,6 +307,18 @@ Command dump_command(CLI::App& app) {
             if (const kiln_status s = kiln_level_check(file->level.get(), &what); s != KILN_OK)
                 return console.fail(fault(Exit::input, "level-damaged", fmt::format("{}: {}", kiln_status_text(s), what), {.file = o->bake.map}));
             rows = wanted->rows(file->level.get()), running = wanted->running;
+        } else if (is_portal_file(*bytes)) {
+            if (o->artefact != "vis") return missing("a portal file");
+            const auto file = read_foreign_portals(*bytes, o->bake.map, context);
+            if (!file) return console.print_new(context), console.fail(file.fault());
+            VisibilityOptions sight = o->bake.compile.visibility;
+            sight.radius = std::max(sight.radius, 0.0);
+            auto computed = compute_visibility(file->given.portals, file->cluster_count, sight, context, {.seconds = o->bake.vis_budget});
+            console.print_new(context);
+            if (!computed) return console.fail(computed.fault());
+            Compiled c;
+            c.visibility = *std::move(computed);
+            rows = dump_vis(c);
         } else {
             const std::vector<Artefact> all = artefacts();
             const auto wanted = std::ranges::find(all, o->artefact, [](const Artefact& a) { return std::string(a.name); });

@@ -1,16 +1,14 @@
 // vis: the visibility stage alone, on a map or on the portals of another compiler.
-#include "compiler/visibility/summary.h"
 #include "libs/core/file.h"
 #include "libs/core/process.h"
 #include "tools/kiln/commands.h"
 #include "tools/kiln/dump_rows.h"
+#include "tools/kiln/foreign_portals.h"
 #include <chrono>
 #include <fmt/format.h>
 
 namespace kiln {
 namespace {
-
-bool is_portal_file(std::span<const std::uint8_t> bytes) { return bytes.size() >= 3 && bytes[0] == 'P' && bytes[1] == 'R' && bytes[2] == 'T'; }
 
 std::string as_text(const Json& j, const std::string& indent = "") {
     std::string out;
@@ -23,6 +21,23 @@ std::string as_text(const Json& j, const std::string& indent = "") {
 }
 
 } // namespace
+
+bool is_portal_file(std::span<const std::uint8_t> bytes) { return bytes.size() >= 3 && bytes[0] == 'P' && bytes[1] == 'R' && bytes[2] == 'T'; }
+
+Result<ForeignPortals> read_foreign_portals(std::span<const std::uint8_t> bytes, const std::string& name, Context& context) {
+    const auto file = read_portal_file(bytes, name);
+    if (!file) return file.fault();
+    // Each cluster takes a row whether anything leads there or not: a count must be borne out by the portals.
+    if (constexpr std::size_t kAlone = 1 << 16; file->cluster_count > 2 * file->portals.size() + kAlone)
+        return fault(Exit::input, "portal-file-cluster", fmt::format("{} clusters, but {} portals: most of them lead nowhere", file->cluster_count, file->portals.size()),
+                     {.file = name, .line = bytes.size() > 3 && bytes[3] == '2' ? 3 : 2});
+    ForeignPortals out{vis_portals(*file), file->cluster_count, file->leaf_cluster};
+    if (out.given.turned)
+        context.report(Severity::warning, "portal-file-turned", "windings face the second cluster of their portal throughout, against the format; they are turned", {.file = name});
+    if (out.given.flatness > VisibilityOptions{}.epsilon)
+        context.report(Severity::warning, "portal-file-flat", fmt::format("points lie up to {:.3g} map units from the plane of their portal, more than clips leave standing: what is seen there alone may be missed", out.given.flatness), {.file = name});
+    return out;
+}
 
 Command vis_command(CLI::App& app) {
     struct Options { BakeOptions bake; std::string output, prt; bool json = false; };
@@ -48,23 +63,14 @@ Command vis_command(CLI::App& app) {
         std::vector<std::uint32_t> leaf_cluster; // of leaves that are in one
         Visibility visibility;
         Json input = {{"file", o->bake.map}};
-        const SourceLocation here{.file = o->bake.map};
         auto wall = std::chrono::steady_clock::now();
         double cpu = cpu_seconds();
         if (is_portal_file(*bytes)) {
-            const auto file = read_portal_file(*bytes, o->bake.map);
+            auto file = read_foreign_portals(*bytes, o->bake.map, context);
             if (!file) return console.fail(file.fault());
-            // Each cluster takes a row whether anything leads there or not: a count must be borne out by the portals.
-            if (constexpr std::size_t kAlone = 1 << 16; file->cluster_count > 2 * file->portals.size() + kAlone)
-                return console.fail(fault(Exit::input, "portal-file-cluster", fmt::format("{} clusters, but {} portals: most of them lead nowhere", file->cluster_count, file->portals.size()),
-                                          {.file = o->bake.map, .line = bytes->size() > 3 && (*bytes)[3] == '2' ? 3 : 2}));
-            const FilePortals given = vis_portals(*file);
-            portals = given.portals, cluster_count = file->cluster_count, leaf_cluster = file->leaf_cluster;
+            FilePortals& given = file->given;
+            portals = std::move(given.portals), cluster_count = file->cluster_count, leaf_cluster = std::move(file->leaf_cluster);
             input["format"] = "prt", input["flatness"] = given.flatness, input["without_area"] = given.without_area, input["turned"] = given.turned;
-            if (given.turned)
-                context.report(Severity::warning, "portal-file-turned", "windings face the second cluster of their portal throughout, against the format; they are turned", here);
-            if (given.flatness > VisibilityOptions{}.epsilon)
-                context.report(Severity::warning, "portal-file-flat", fmt::format("points lie up to {:.3g} map units from the plane of their portal, more than clips leave standing: what is seen there alone may be missed", given.flatness), here);
             wall = std::chrono::steady_clock::now(), cpu = cpu_seconds();
             VisibilityOptions sight = o->bake.compile.visibility;
             sight.radius = std::max(sight.radius, 0.0);

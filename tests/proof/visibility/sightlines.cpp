@@ -19,39 +19,55 @@ struct Passed {
     double at = 0; // a parameter within
 };
 
-// Clusters from `from` on along the unit vector `way`, up to where something is solid; `sign` turns the parameters.
-void walk(const Bsp& bsp, Vec3 from, Vec3 way, double length, double sign, std::vector<Passed>& out) {
+// The tree as a line wants it: small nodes close together, the clusters of the leaves.
+class Tree {
+public:
+    explicit Tree(const Bsp& bsp) {
+        for (const BspNode& n : bsp.nodes) nodes_.push_back({n.normal, n.distance, {n.child[0], n.child[1]}});
+        for (const BspLeaf& l : bsp.leaves) clusters_.push_back(l.cluster.value);
+    }
     struct Part {
         std::int32_t node;
         double begin, end;
     };
-    std::vector<Part> stack{{bsp.nodes.empty() ? -1 : 0, 0, length}};
-    while (!stack.empty()) {
-        const Part p = stack.back();
-        stack.pop_back();
-        if (p.node < 0) {
-            const BspLeaf& leaf = bsp.leaves[static_cast<std::size_t>(-(p.node + 1))];
-            if (!leaf.cluster.valid() || p.end - p.begin < kGraze) return;
-            out.push_back({leaf.cluster.value, sign * (p.begin + p.end) / 2});
-            continue;
-        }
-        const BspNode& n = bsp.nodes[static_cast<std::size_t>(p.node)];
-        const double base = dot(n.normal, from) - n.distance, speed = dot(n.normal, way);
-        const double d0 = base + speed * p.begin, d1 = base + speed * p.end;
-        if (std::max(std::abs(d0), std::abs(d1)) < kInPlane) return;
-        if (std::min(d0, d1) >= 0) stack.push_back({n.child[0], p.begin, p.end});
-        else if (std::max(d0, d1) <= 0) stack.push_back({n.child[1], p.begin, p.end});
-        else {
-            const double x = std::clamp(p.begin + (p.end - p.begin) * (d0 / (d0 - d1)), p.begin, p.end);
-            stack.push_back({n.child[d0 < 0 ? 0 : 1], x, p.end});
-            stack.push_back({n.child[d0 < 0 ? 1 : 0], p.begin, x});
+    // Clusters from `from` on along the unit vector `way`, up to where something is solid; `sign` turns the parameters.
+    void walk(Vec3 from, Vec3 way, double length, double sign, std::vector<Part>& stack, std::vector<Passed>& out) const {
+        stack.assign(1, {nodes_.empty() ? -1 : 0, 0, length});
+        while (!stack.empty()) {
+            Part p = stack.back();
+            stack.pop_back();
+            while (p.node >= 0) {
+                const Node& n = nodes_[static_cast<std::size_t>(p.node)];
+                const double base = dot(n.normal, from) - n.distance, speed = dot(n.normal, way);
+                const double d0 = base + speed * p.begin, d1 = base + speed * p.end;
+                if (std::max(std::abs(d0), std::abs(d1)) < kInPlane) return;
+                if (std::min(d0, d1) >= 0) p.node = n.child[0];
+                else if (std::max(d0, d1) <= 0) p.node = n.child[1];
+                else {
+                    const double x = std::clamp(p.begin + (p.end - p.begin) * (d0 / (d0 - d1)), p.begin, p.end);
+                    stack.push_back({n.child[d0 < 0 ? 0 : 1], x, p.end});
+                    p = {n.child[d0 < 0 ? 1 : 0], p.begin, x};
+                }
+            }
+            const std::uint32_t cluster = clusters_[static_cast<std::size_t>(-(p.node + 1))];
+            if (cluster == ClusterId{}.value || p.end - p.begin < kGraze) return;
+            out.push_back({cluster, sign * (p.begin + p.end) / 2});
         }
     }
-}
+
+private:
+    struct Node {
+        Vec3 normal;
+        double distance = 0;
+        std::int32_t child[2] = {};
+    };
+    std::vector<Node> nodes_;
+    std::vector<std::uint32_t> clusters_;
+};
 
 class Lines {
 public:
-    Lines(const Bsp& bsp, std::span<const VisPortal> portals, const Visibility& v) : bsp_(bsp), portals_(portals), v_(v) {
+    Lines(const Bsp& bsp, std::span<const VisPortal> portals, const Visibility& v) : portals_(portals), v_(v) {
         for (const BspLeaf& l : bsp.leaves)
             if (l.cluster.valid()) open_.push_back(&l), all_.add(l.bounds);
         length_ = open_.empty() ? 0 : kiln::length(all_.hi - all_.lo) + 1;
@@ -93,7 +109,6 @@ public:
     }
 
 private:
-    const Bsp& bsp_;
     std::span<const VisPortal> portals_;
     const Visibility& v_;
     std::vector<const BspLeaf*> open_;
@@ -124,6 +139,7 @@ private:
 Sightlines find_sightlines(const Bsp& bsp, std::span<const VisPortal> portals, const Visibility& v, std::uint64_t rays, std::uint64_t seed, Context& context) {
     Sightlines result;
     const Lines lines(bsp, portals, v);
+    const Tree tree(bsp);
     const std::size_t words = v.words_per_row();
     std::vector<std::uint64_t> proven(v.rows.size(), 0);
     for (std::uint32_t c = 0; c < v.cluster_count; ++c) proven[c * words + c / 64] |= std::uint64_t{1} << (c % 64);
@@ -133,19 +149,24 @@ Sightlines find_sightlines(const Bsp& bsp, std::span<const VisPortal> portals, c
         parallel_for(context, (rays + kBlock - 1) / kBlock, [&](std::size_t block) {
             Random random(mix(seed, block));
             std::vector<Passed> line, back;
+            std::vector<Tree::Part> stack;
             std::uint64_t pairs = 0;
             for (std::uint64_t i = block * kBlock; i < std::min(rays, (block + 1) * kBlock); ++i) {
                 Vec3 from, way;
                 if (!lines.draw(i, random, from, way)) continue;
                 line.clear(), back.clear();
-                walk(bsp, from, -way, lines.length(from, -way), -1, back);
-                walk(bsp, from, way, lines.length(from, way), 1, line);
-                if (line.empty() || back.empty()) continue; // begins in something solid, or at a border
-                line.insert(line.begin(), back.rbegin(), back.rend());
+                tree.walk(from, -way, lines.length(from, -way), -1, stack, back);
+                if (back.empty()) continue; // begins in something solid, or at a border
+                std::reverse(back.begin(), back.end());
+                line.swap(back);
+                const std::size_t before = line.size();
+                tree.walk(from, way, lines.length(from, way), 1, stack, line);
+                if (line.size() == before) continue;
                 for (std::size_t a = 0; a < line.size(); ++a)
                     for (std::size_t b = a + 1; b < line.size(); ++b) {
                         const std::uint32_t p = line[a].cluster, q = line[b].cluster;
                         ++pairs;
+                        if (std::atomic_ref(proven[p * words + q / 64]).load(std::memory_order_relaxed) >> (q % 64) & 1) continue; // looked up before
                         if (v.sees(p, q) && v.sees(q, p)) {
                             for (const auto& [x, y] : {std::pair{p, q}, std::pair{q, p}}) {
                                 std::atomic_ref word(proven[x * words + y / 64]);

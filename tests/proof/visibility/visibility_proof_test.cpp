@@ -119,9 +119,9 @@ void expect_no_misses(WorldBuilder& w, const std::string& what) {
     for (const Miss& m : s.misses) ADD_FAILURE() << what << ": " << m.from << " sees " << m.to << ": " << m.a.x << " " << m.a.y << " " << m.a.z << " to " << m.b.x << " " << m.b.y << " " << m.b.z;
 }
 
-// A wall with a door whose faces are turned against each other by a slope of 1/2 to 1/65536: leaves between are wedges.
+// A wall with a door whose faces are turned against each other by a slope of 1/2 to 2^-34: leaves between are wedges.
 TEST(VisibilityStability, WedgeLeaves) {
-    for (const double slope : {0.5, 1.0 / 16, 1.0 / 256, 1.0 / 4096, 1.0 / 65536}) {
+    for (const double slope : {0.5, 1.0 / 16, 1.0 / 256, 1.0 / 4096, 1.0 / 65536, 0x1p-24, 0x1p-34}) {
         WorldBuilder w;
         w.room({0, 0, 0}, {512, 512, 128});
         for (int i = 0; i < 4; ++i) {
@@ -164,6 +164,19 @@ TEST(VisibilityStability, Slits) {
         const Visibility v = of(g);
         const auto at = [&](Vec3 p) { return g.bsp.leaves[leaf_at(g.bsp, p).at()].cluster.value; };
         EXPECT_TRUE(v.sees(at({8, 64 + slit / 2, 32}), at({312, 64 + slit / 2, 32}))) << slit;
+    }
+}
+
+// Blocks whose tops are flush, and a wall of doors: dozens of portals that lie in one plane, and planes that run along all of them.
+TEST(VisibilityStability, PortalsInAPlane) {
+    for (const double rise : {0.0, 1.0 / 1024}) { // flush, and nearly so
+        WorldBuilder w;
+        w.room({0, 0, 0}, {640, 512, 192});
+        for (int i = 0; i < 4; ++i)
+            for (int j = 0; j < 4; ++j) w.box({40.0 + 72 * i, 40.0 + 112 * j, 0}, {80.0 + 72 * i, 104.0 + 112 * j, 64 + rise * ((i + 2 * j) % 3)});
+        for (int j = 0; j < 5; ++j) w.box({400, 100.0 * j, 0}, {416, 100.0 * j + 64, 192}); // doors of 36 between, the last at the wall
+        for (int j = 0; j < 5; ++j) w.box({416, 100.0 * j + 24, 0}, {640, 100.0 * j + 40, 192});
+        expect_no_misses(w, "rise " + std::to_string(rise));
     }
 }
 

@@ -45,6 +45,9 @@ TEST(Vis, APortalFileGivesTheRowsOfItsMap) {
     // And those of `dump vis`.
     ASSERT_EQ(w.run({"dump", "vis", map, "--json", "-q", "-o", w.path("dump.json")}).code, 0);
     EXPECT_EQ(*read_file(w.path("map.json")), *read_file(w.path("dump.json")));
+    ASSERT_EQ(w.run({"dump", "vis", w.path("a.prt"), "--json", "-q", "-o", w.path("of_prt.json")}).code, 0);
+    EXPECT_EQ(*read_file(w.path("map.json")), *read_file(w.path("of_prt.json")));
+    EXPECT_EQ(w.run({"dump", "faces", w.path("a.prt")}).code, 2);
 }
 
 // Clusters of several leaves: means over leaves are weighted by them. Two rooms and one apart, 1, 2 and 3 leaves.
@@ -129,6 +132,37 @@ TEST(Vis, BudgetsEndInValidRowsAndGoOn) {
     const std::string maze = std::string(KILN_SOURCE_DIR) + "/maps/maze/maze.vmf"; // takes a few steps
     EXPECT_NE(w.run({"vis", maze, "--vis-steps", "1"}).said.find("vis-budget"), std::string::npos);
     EXPECT_EQ(w.run({"vis", maze, "--vis-steps", "100000"}).said.find("vis-budget"), std::string::npos);
+}
+
+// A real Ctrl-C in the midst of the flow: nothing is written, and with a cache the next run has what the first had found, even one that is
+// given next to no time; left alone, it comes to the rows of a run that was never stopped.
+TEST(Vis, GoesOnAfterCtrlC) {
+    const Workplace w;
+    std::mt19937 random(4);
+    std::string blocks;
+    for (int i = 0; i < 9; ++i)
+        for (int j = 0; j < 9; ++j) {
+            const int x = 40 + 110 * i + static_cast<int>(random() % 30), y = 40 + 110 * j + static_cast<int>(random() % 30);
+            blocks += box(x, y, 0, x + 50, y + 50, 40 + static_cast<int>(random() % 160));
+        }
+    const std::string map = w.write("city.map", world(room(1040, 1040, 256) + blocks) + entity("info_player_start", 20, 20, 24));
+    const auto pairs = [&](const std::vector<std::string>& words) { return run_json(w, words)["seen"]["pairs"].get<long>(); };
+    const std::vector<std::string> no_time = {map, "-q", "--vis-budget", "0.001"};
+    const long at_once = pairs(no_time);
+    const std::string cache = w.path("cache");
+    auto with_cache = no_time;
+    with_cache.insert(with_cache.end(), {"--cache", cache});
+    bool gone_on = false;
+    for (int milliseconds = 200; milliseconds < 60000 && !gone_on; milliseconds = milliseconds * 3 / 2) { // where the flow is depends on the machine
+        const Outcome o = w.run({"vis", map, "-q", "--cache", cache, "--json", "-o", w.path("rows.json")}, {.file_bytes = -1, .interrupt_after_ms = milliseconds});
+        ASSERT_EQ(o.code, 7) << milliseconds << ": it was through before it was stopped\n" << o.said;
+        EXPECT_FALSE(w.has("rows.json"));
+        gone_on = pairs(with_cache) < at_once;
+    }
+    EXPECT_TRUE(gone_on);
+    ASSERT_EQ(w.run({"vis", map, "-q", "--cache", cache, "-o", w.path("rows.json")}).code, 0);
+    ASSERT_EQ(w.run({"vis", map, "-q", "--threads", "1", "-o", w.path("once.json")}).code, 0);
+    EXPECT_EQ(*read_file(w.path("rows.json")), *read_file(w.path("once.json")));
 }
 
 TEST(Vis, TheFarzOfFogIsARadius) {
