@@ -131,13 +131,6 @@ private:
                        std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
                        const ReflectedLight* coarse = nullptr, KernelSum* coarse_sum = nullptr) const;
     enum class Pass { first, again, last };
-    struct PilotResult {                  // of what is shown along that of the four normals that fares worst
-        double noise = 0, bias = 0;       // rRMSE
-        double gather = 0, direct = 0;    // the two parts of the noise
-        double noise_se = 0, bias_se = 0; // standard errors of the mean squares
-        double representation = 0;        // of the encoding, over normals of its cone
-    };
-    PilotResult pilot(std::uint32_t one_in);
     std::vector<std::vector<std::uint32_t>> gather_patches(std::span<const std::uint32_t> patches, Pass pass);
     void find_neighbours();
     double luxel_area_of(std::uint32_t patch) const; // map units squared
@@ -145,6 +138,14 @@ private:
     void share_rays(double wanted);
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
     Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, int depth) const;
+    // estimate.cpp
+    struct PilotResult {                  // of what is shown along that of the four normals that fares worst
+        double noise = 0, bias = 0;       // rRMSE
+        double gather = 0, direct = 0;    // the two parts of the noise
+        double noise_se = 0, bias_se = 0; // standard errors of the mean squares
+        double representation = 0;        // of the encoding, over normals of its cone
+    };
+    PilotResult pilot(std::uint32_t one_in);
     // bake.cpp
     LuxelKernel kernel_of(std::uint32_t luxel) const;
     Footprint footprint_of_patch(std::uint32_t patch) const;
