@@ -251,7 +251,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
     const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), lights_key(out.lights));
-    const auto light = stages.run(Stage::light, 6, all(lit, options.light), places, out.lighting,
+    const auto light = stages.run(Stage::light, 7, all(lit, options.light), places, out.lighting,
                                   [&] { return bake_light(world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options.light, context); });
     if (!light) return light.fault();
     if (done(Stage::light)) return true;

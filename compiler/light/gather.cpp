@@ -139,7 +139,7 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
         // A large one comes in parts: one of them for all.
         double arriving = 0;
         Vec3 target;
-        emitters_.sample(list[at].light, x, normal, 0, 1, points, 2e-4, EmitterSet::Arrival::each, [&](Vec3 y, Vec3 flux) {
+        emitters_.sample(list[at].light, x, normal, 0, 1, points, 2e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
             const double part = std::max(0.0, dot(flux, normal));
             arriving += part;
             if (random() * arriving < part) target = y;
@@ -189,8 +189,7 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
 }
 
 LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
-                         std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
-                         const ReflectedLight* coarse, KernelSum* coarse_sum) const {
+                         std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met, std::span<Other> others) const {
     LuxelGather out;
     const Luxel& luxel = surfaces_.luxels[l];
     const Footprint footprint = footprint_of_luxel(l);
@@ -250,15 +249,17 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         } else if (found[i]->back) {
             ++out.hits.back;
         } else {
-            Random random(mix(seed, i)), same = random;
+            Random random(mix(seed, i));
             radiance = reflected_at(*found[i], directions[i], random, reflected_, 0);
             Rgbd emitted;
             const std::uint32_t emitter = emitters_.of_face[found[i]->face.at()];
             if (emitter != UINT32_MAX && !listed(patch, emitter) && !std::ranges::binary_search(heavy, emitter))
                 emitted = emitters_.emitters[emitter].radiance;
             radiance += emitted;
-            if (coarse)
-                kernel.add(*coarse_sum, k, (reflected_at(*found[i], directions[i], same, *coarse, 0) + emitted) * (weights[i] / rays));
+            for (Other& o : others) {
+                Random same(mix(seed, i));
+                kernel.add(o.sum, k, (reflected_at(*found[i], directions[i], same, *o.light, 0) + emitted) * (weights[i] / rays));
+            }
         }
         const double w = weights[i];
         kernel.add(quarter[i * 4 / rays], k, radiance * w);
@@ -279,10 +280,10 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         out.sum.flat -= beta * (unit[0] - exact[0]);
         if (kernel.cone)
             for (std::size_t j = 0; j < 3; ++j) out.sum.rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
-        if (coarse) {
-            coarse_sum->flat -= beta * (unit[0] - exact[0]);
+        for (Other& o : others) {
+            o.sum.flat -= beta * (unit[0] - exact[0]);
             if (kernel.cone)
-                for (std::size_t j = 0; j < 3; ++j) coarse_sum->rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
+                for (std::size_t j = 0; j < 3; ++j) o.sum.rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
         }
         for (std::size_t c = 0; c < 3; ++c) out.sum.flat[c] = std::max(0.0, out.sum.flat[c]);
     }
