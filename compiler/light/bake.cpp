@@ -332,6 +332,7 @@ std::vector<Rgbd> Bake::solve_patches() {
     std::vector<Rgbd> first = gathered_emission(true);
     for (std::size_t p = 0; p < n; ++p) first[p] += direct[p];
     std::vector<Rgbd> total = solve(rows_, first, rho, &out_.iterations, &residual_);
+    solved_direct_ = direct;
     double area = 0, sum = 0;
     for (std::size_t p = 0; p < n; ++p)
         area += patches_.patches[p].area, sum += patches_.patches[p].area * mean(total[p]);
@@ -387,14 +388,14 @@ Lighting Bake::run() {
     const auto one_in = static_cast<std::uint32_t>(
         std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
     // Patches as small as the target asks for: where a few luxels say that they matter more than they may, half as large.
-    PilotResult first = pilot(4 * one_in);
+    PilotResult first = pilot(4 * one_in, true);
     for (int k = 0; k < kPatchRefinements && first.bias > kPatchShare * target; ++k) {
         const std::size_t before = patches_.patches.size();
         if (4 * before * quality_.row_rays > kMostRowHits) break;
         quality_.patch_size /= 2;
         make_patches();
         total = solve_patches();
-        first = pilot(4 * one_in);
+        first = pilot(4 * one_in, true);
         if (patches_.patches.size() <= before) break; // they are luxels already
     }
     // And direct light as exact as it asks for, where it is not.
@@ -445,14 +446,7 @@ Lighting Bake::run() {
     fill();
     match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
 
-    ErrorReport& e = out_.error;
-    e.target = options_.error_percent;
-    e.noise = 100 * check.noise, e.patch_bias = 100 * check.bias, e.iteration = 100 * residual_;
-    e.representation = 100 * check.representation;
-    const double square = check.noise * check.noise + check.bias * check.bias + residual_ * residual_;
-    const double spread = 1.96 * std::hypot(check.noise_se, check.bias_se);
-    e.estimate = 100 * std::sqrt(square);
-    e.low = 100 * std::sqrt(std::max(0.0, square - spread)), e.high = 100 * std::sqrt(square + spread);
+    out_.error = error_report(check, solution_noise());
 
     out_.radiosity.resize(n);
     for (std::size_t p = 0; p < n; ++p)

@@ -111,6 +111,16 @@ struct PaneRays {
 
 PaneRays joined(std::vector<PaneRays>& parts);
 
+constexpr std::uint32_t kReplicates = 4;
+struct PilotLuxel { // see estimate.cpp
+    static constexpr bool kRawBytes = true;
+    // Along the normals of LuxelKernel::shown, direct light included.
+    std::array<std::array<Rgbd, 4>, kReplicates> value{}, direct{}, to_coarse{}, to_close{};
+    std::array<Rgbd, 4> mean_value{};
+    std::uint64_t shown = 1;
+    double area = 0, representation = 0;
+};
+
 class Bake {
 public:
     Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, bool sealed,
@@ -163,7 +173,8 @@ private:
     std::uint64_t stream_of(const LightRef& ref) const;
     void direct_at(std::span<const LightRef> refs, const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
                    const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays, double* variance, // += of the mean, from its places
-                   std::vector<std::uint8_t>* divided) const; // set for lights that the test rays were wrong about; `refs`: of lists_[patch]
+                   std::vector<std::uint8_t>* divided,        // set for lights that the test rays were wrong about; `refs`: of lists_[patch]
+                   bool closely = false) const;               // rays decide for all lights, whatever the test rays of the patch said
     double threshold(std::uint32_t patch,
                      std::uint32_t emitter) const; // form factor from which on it is worth rays
     bool looks_many_ways(std::uint32_t patch) const;
@@ -179,19 +190,16 @@ private:
     std::vector<Rgbd> patch_direct();
     // gather.cpp
     void patch_guide(std::uint32_t patch, Guide* guide) const;
-    // `met`: receives emitters that should have had rays of their own, and leaves their light out; none: it stays
-    // in. `coarse`: the same rays looked up in another solution, for the estimate of its difference; their sum.
-    LuxelGather gather(std::uint32_t luxel, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
-                       std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
-                       const ReflectedLight* coarse = nullptr, KernelSum* coarse_sum = nullptr, Looked* looked = nullptr) const;
-    enum class Pass { first, again, last };
-    struct PilotResult {                  // of what is shown along that of the four normals that fares worst
-        double noise = 0, bias = 0;       // rRMSE
-        double gather = 0, direct = 0;    // the two parts of the noise
-        double noise_se = 0, bias_se = 0; // standard errors of the mean squares
-        double representation = 0;        // of the encoding, over normals of its cone
+    // The same rays looked up in another solution, for the estimate of its difference.
+    struct Other {
+        const ReflectedLight* light = nullptr;
+        KernelSum sum;
     };
-    PilotResult pilot(std::uint32_t one_in);
+    // `met`: receives emitters that should have had rays of their own, and leaves their light out; none: it stays
+    // in.
+    LuxelGather gather(std::uint32_t luxel, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
+                       std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met, std::span<Other> others = {}, Looked* looked = nullptr) const;
+    enum class Pass { first, again, last };
     std::vector<std::vector<std::uint32_t>> gather_patches(std::span<const std::uint32_t> patches, Pass pass);
     void find_neighbours();
     double luxel_area_of(std::uint32_t patch) const; // map units squared
@@ -199,6 +207,21 @@ private:
     void share_rays(double wanted);
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
     Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const;
+    // estimate.cpp
+    struct PilotResult {                  // of what is shown along that of the four normals that fares worst
+        double noise = 0, bias = 0;       // rRMSE
+        double gather = 0, direct = 0;    // the two parts of the noise
+        double shortcut = 0;              // of the places where light is not looked at closely
+        double square = 0;                // of all these: the mean square error
+        double below = 0, above = 0;      // how far from `square` that of the whole bake may lie, each with 95 %; over all four normals
+        double representation = 0;        // of the encoding, over normals of its cone
+    };
+    PilotLuxel pilot_luxel(std::uint32_t luxel, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const;
+    // `rough`: noise and patch bias only.
+    PilotResult pilot(std::uint32_t one_in, bool rough = false);
+    // rRMSE that the noise of the rows makes in gathered light: the same for all luxels that look the same way, so replicates do not see it.
+    double solution_noise() const;
+    ErrorReport error_report(const PilotResult& check, double solution) const;
     // bake.cpp
     LuxelKernel kernel_of(std::uint32_t luxel) const;
     Footprint footprint_of_patch(std::uint32_t patch) const;
@@ -241,6 +264,7 @@ private:
     std::uint64_t direct_passes_ = 0;
     Rows rows_;
     std::vector<Rgbd> rest_;                                      // per patch: irradiance that is not direct
+    std::vector<Rgbd> solved_direct_;                             // and that which is, as the bounces were solved
     std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
     std::vector<double> cone_deg_;                                // per chart
     ReflectedLight reflected_;

@@ -49,10 +49,13 @@ public:
     //                    sees all of the part, comes out exact, others to second order of the part's size.
     // `samples`: at least this many points in all (power of two), indices first..first+samples of `points`,
     // dimensions (2,3). `share_limit`: parts below this form factor are not split further.
+    // Share: what parts count by, for samples and for being split: their form factor, or, for kernels that do not fall with the
+    // cosine to n, their solid angle: what is low over the horizon of n stands high over that of a tilted normal.
     enum class Arrival { each, whole };
+    enum class Share { cosine, solid };
     template <class Visit>
     void sample(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples,
-                const Sobol& points, double share_limit, Arrival arrival, const Visit& visit) const;
+                const Sobol& points, double share_limit, Arrival arrival, Share share, const Visit& visit) const;
 
     // So far away and so high above the horizon of x that it need not be split.
     bool is_far(std::uint32_t emitter, Vec3 x, Vec3 n) const {
@@ -101,7 +104,7 @@ double triangle_form_factor(Vec3 x, Vec3 n, const std::array<Vec3, 3>& triangle)
 
 template <class Visit>
 void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples,
-                        const Sobol& points, double share_limit, Arrival arrival, const Visit& visit) const {
+                        const Sobol& points, double share_limit, Arrival arrival, Share share, const Visit& visit) const {
     const Emitter& e = emitters[index];
     if (dot(e.normal, x) - e.distance <= 0) return;
     const bool free = n == Vec3{};
@@ -118,21 +121,27 @@ void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first
     }
     std::uint32_t serial = 0;
     // Parts get samples by their share, and what has little share is not split for long.
-    const double total = form_factor(index, x, n);
+    // Cut at the horizon first: a point drawn below it would throw away what the part above it sends.
+    const auto each_above = [&](auto&& part) {
+        for (std::uint32_t t = 0; t < e.triangle_count; ++t) {
+            const EmitterTriangle& tri = triangles[e.first_triangle + t];
+            const std::array<Vec3, 3> whole{tri.a, tri.b, tri.c};
+            std::array<Vec3, 4> above{tri.a, tri.b, tri.c};
+            std::size_t count = free ? 3 : 0;
+            if (!free) clip_to_horizon(x, n, whole, [&](Vec3 p) { above[count++] = p; });
+            for (std::size_t i = 1; i + 1 < count; ++i) part(std::array<Vec3, 3>{above[0], above[i], above[i + 1]});
+        }
+    };
+    const Vec3 by = share == Share::solid ? Vec3{} : n;
+    double total = 0;
+    if (share == Share::solid && !free)
+        each_above([&](const std::array<Vec3, 3>& part) { total += triangle_form_factor(x, by, part); });
+    else
+        total = form_factor(index, x, n);
     if (!(total > 0)) return;
     const double per_factor = samples / total;
     share_limit = std::max(share_limit, 0.5 * total / std::max(samples, 8u));
-    for (std::uint32_t t = 0; t < e.triangle_count; ++t) {
-        const EmitterTriangle& tri = triangles[e.first_triangle + t];
-        // Cut at the horizon first: a point drawn below it would throw away what the part above it sends.
-        const std::array<Vec3, 3> whole{tri.a, tri.b, tri.c};
-        std::array<Vec3, 4> above{tri.a, tri.b, tri.c};
-        std::size_t count = free ? 3 : 0;
-        if (!free) clip_to_horizon(x, n, whole, [&](Vec3 p) { above[count++] = p; });
-        for (std::size_t i = 1; i + 1 < count; ++i)
-            sample_part(e, {above[0], above[i], above[i + 1]}, 0, x, n, first, per_factor, points, serial,
-                        share_limit, arrival, visit);
-    }
+    each_above([&](const std::array<Vec3, 3>& part) { sample_part(e, part, 0, x, by, first, per_factor, points, serial, share_limit, arrival, visit); });
 }
 
 template <class Visit>

@@ -273,7 +273,7 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
             listed[i] = !d.scene.occluded(x, y);
         }
         if (!listed[i]) continue;
-        d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, [&](Vec3 y, Vec3 flux) {
+        d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
             const Rgbd arrives = d.scene.transmitted(x, y + off, {.end = std::sqrt(emitter_i.area / samples), .end_normal = emitter_i.normal});
             if (!(max_component(arrives) > 0)) return;
             const double share = length(flux);

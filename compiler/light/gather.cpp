@@ -2,7 +2,6 @@
 #include "compiler/light/bake.h"
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
-#include <functional>
 #include <numbers>
 
 namespace kiln {
@@ -15,15 +14,6 @@ struct PatchGather { // what a memo keeps of the luxels of a patch
     std::vector<LuxelGather> luxels;
     std::vector<std::uint32_t> met;
     template <class A> void fields(A& a) { a(luxels, met); }
-};
-constexpr std::uint32_t kReplicates = 4;
-struct PilotLuxel {
-    static constexpr bool kRawBytes = true;
-    // Along the normals of LuxelKernel::shown, direct light included.
-    std::array<std::array<Rgbd, 4>, kReplicates> value{}, direct{}, to_coarse{};
-    std::array<Rgbd, 4> mean_value{};
-    std::uint64_t shown = 1;
-    double area = 0, representation = 0;
 };
 constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to the minus this
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
@@ -150,7 +140,7 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
         // A large one comes in parts: one of them for all.
         double arriving = 0;
         Vec3 target;
-        emitters_.sample(list[at].light, x, normal, 0, 1, points, 2e-4, EmitterSet::Arrival::each, [&](Vec3 y, Vec3 flux) {
+        emitters_.sample(list[at].light, x, normal, 0, 1, points, 2e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
             const double part = std::max(0.0, dot(flux, normal));
             arriving += part;
             if (random() * arriving < part) target = y;
@@ -205,8 +195,7 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
 }
 
 LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
-                         std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met,
-                         const ReflectedLight* coarse, KernelSum* coarse_sum, Looked* looked) const {
+                         std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met, std::span<Other> others, Looked* looked) const {
     LuxelGather out;
     const Luxel& luxel = surfaces_.luxels[l];
     const Footprint footprint = footprint_of_luxel(l);
@@ -264,24 +253,27 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     };
     for (std::uint32_t i = 0; i < rays; ++i) {
         const std::array<double, 4> k = kernel.values(directions[i]);
-        Rgbd radiance, coarser;
-        Random random(mix(seed, i)), same = random;
+        Rgbd radiance, emitted;
+        Random random(mix(seed, i));
         if (!found[i]) {
-            radiance = coarser = sky;
+            radiance = sky;
             ++out.hits.escaped;
         } else if (found[i]->back) {
             ++out.hits.back;
         } else {
             radiance = reflected_at(*found[i], directions[i], random, reflected_, looked, 0);
-            Rgbd emitted;
             const std::uint32_t emitter = emitters_.of_face[found[i]->face.at()];
             if (emitter != UINT32_MAX && !listed(patch, emitter) && !std::ranges::binary_search(heavy, emitter))
                 emitted = emitters_.emitters[emitter].radiance;
             radiance += emitted;
-            if (coarse) coarser = reflected_at(*found[i], directions[i], same, *coarse, looked, 0) + emitted;
         }
         radiance = seen(i, random, reflected_, radiance);
-        if (coarse) kernel.add(*coarse_sum, k, seen(i, same, *coarse, coarser) * (weights[i] / rays));
+        for (Other& o : others) {
+            Random same(mix(seed, i));
+            Rgbd there = found[i] ? Rgbd{} : sky;
+            if (found[i] && !found[i]->back) there = reflected_at(*found[i], directions[i], same, *o.light, looked, 0) + emitted;
+            kernel.add(o.sum, k, seen(i, same, *o.light, there) * (weights[i] / rays));
+        }
         const double w = weights[i];
         kernel.add(quarter[i * 4 / rays], k, radiance * w);
         for (std::size_t j = 0; j < 4; ++j) unit[j] += w * k[j];
@@ -301,10 +293,10 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         out.sum.flat -= beta * (unit[0] - exact[0]);
         if (kernel.cone)
             for (std::size_t j = 0; j < 3; ++j) out.sum.rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
-        if (coarse) {
-            coarse_sum->flat -= beta * (unit[0] - exact[0]);
+        for (Other& o : others) {
+            o.sum.flat -= beta * (unit[0] - exact[0]);
             if (kernel.cone)
-                for (std::size_t j = 0; j < 3; ++j) coarse_sum->rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
+                for (std::size_t j = 0; j < 3; ++j) o.sum.rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
         }
         for (std::size_t c = 0; c < 3; ++c) out.sum.flat[c] = std::max(0.0, out.sum.flat[c]);
     }
@@ -358,132 +350,6 @@ void Bake::share_rays(double wanted) {
         while (rays_[p] < quality_.most_rays && rays_[p] * 1.41 < n[p]) rays_[p] *= 2;
 }
 
-// Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no
-// reference needed; the same rays looked up in patches of twice the size show how much the patches still matter.
-Bake::PilotResult Bake::pilot(std::uint32_t one_in) {
-    constexpr int kNormals = 6;
-    std::vector<std::uint32_t> chosen;
-    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
-        if (luxel_patch_[l] != kNoPatch && !covered_[luxel_patch_[l]] &&
-            seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0)
-            chosen.push_back(l);
-    if (memo_) note_states();
-    std::vector<PilotLuxel> results(chosen.size());
-    constexpr std::size_t kChunk = 8;
-    parallel_for(context_, "light: pilot", (chosen.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
-        Guide guide;
-        thread_local Looked looked;
-        for (std::size_t i = chunk * kChunk; i < std::min(chosen.size(), (chunk + 1) * kChunk); ++i) {
-            const std::uint32_t l = chosen[i];
-            const Luxel& luxel = surfaces_.luxels[l];
-            const Chart& chart = surfaces_.charts[luxel.chart.at()];
-            const HemisphereMap map = map_of(luxel.chart);
-            const std::uint64_t key = memo_ ? mix(gather_key(luxel_patch_[l]), effort_[luxel_patch_[l]], std::uint64_t{i % 4 == 0}, l, pilots_) : 0;
-            if (const Bytes* kept = memo_ ? memo_->pilot.find(key, states_coarse_) : nullptr) {
-                results[i] = from_bytes<PilotLuxel>(*kept);
-                continue;
-            }
-            looked.begin(kLookedAt * patches_.patches.size());
-            looked.at(2 * static_cast<std::uint32_t>(patches_.patches.size()) + luxel_patch_[l]); // direct light, too
-            const struct Keep { // however this one ends
-                std::function<void()> at_end;
-                ~Keep() { at_end(); }
-            } keep{[&] { if (memo_) memo_->pilot.keep(key, states_coarse_, looked.parts(), to_bytes(results[i])); }};
-            patch_guide(luxel_patch_[l], &guide);
-            const Footprint footprint = footprint_of_luxel(l);
-            const LuxelKernel kernel = kernel_of(l);
-            PilotLuxel& result = results[i];
-            result.shown = kernel.shown_count();
-            KernelSum sum;
-            for (std::uint32_t r = 0; r < kReplicates; ++r) {
-                const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
-                KernelSum coarse, direct;
-                KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, &coarse_, &coarse, memo_ ? &looked : nullptr).sum;
-                std::uint64_t shadow = 0;
-                direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
-                fine += direct, coarse += direct;
-                result.value[r] = kernel.shown(fine), result.direct[r] = kernel.shown(direct);
-                const std::array<Rgbd, 4> other = kernel.shown(coarse);
-                for (std::size_t k = 0; k < 4; ++k) result.to_coarse[r][k] = other[k] - result.value[r][k];
-                sum += fine;
-            }
-            sum *= 1.0 / kReplicates;
-            result.mean_value = kernel.shown(sum);
-            results[i].area = luxel.area * luxel_area(surfaces_, luxel.face);
-            if (!kernel.cone || chart.smooth || i % 4 != 0) continue;
-            // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
-            const auto light = [&](const LuxelKernel& k) {
-                KernelSum arriving = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr, nullptr, nullptr, memo_ ? &looked : nullptr).sum;
-                std::uint64_t shadow = 0;
-                direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &arriving, &shadow, nullptr, nullptr);
-                return arriving;
-            };
-            const KernelSum base = light(kernel);
-            const std::array<Rgb, 3> stored = kernel.finish(base);
-            for (int k = 0; k < kNormals; ++k) {
-                const SinCos turn = sincos_turns((k + 0.5) / kNormals);
-                const Vec3 n{kTypicalTilt * turn.cos, kTypicalTilt * turn.sin, std::sqrt(1 - kTypicalTilt * kTypicalTilt)};
-                const Vec3 world = kernel.frame.world(n);
-                LuxelKernel tilted;
-                tilted.frame = frame_around(world);
-                const double truth = mean(light(tilted).flat),
-                             shown = mean(rnm_evaluate(kernel.encoding, stored, n));
-                const double scale = std::max(truth, floor_);
-                if (scale > 0)
-                    results[i].representation += (shown - truth) * (shown - truth) / (scale * scale * kNormals);
-            }
-        }
-    });
-    ++pilots_;
-    PilotResult out;
-    const auto spread = [](const auto& values, std::size_t normal, std::size_t c) {
-        double m = 0, s = 0;
-        for (const auto& v : values) m += v[normal][c] / kReplicates;
-        for (const auto& v : values) s += (v[normal][c] - m) * (v[normal][c] - m) / (kReplicates - 1);
-        return s;
-    };
-    double worst = -1;
-    for (std::size_t k = 0; k < 4; ++k) { // along each normal
-        double area = 0;
-        Rgbd mean_value;
-        for (const PilotLuxel& r : results)
-            if (k < r.shown) mean_value += r.mean_value[k] * r.area, area += r.area;
-        if (!(area > 0)) continue;
-        mean_value = mean_value / area;
-        double noise = 0, noise2 = 0, bias = 0, bias2 = 0, direct = 0, n = 0;
-        for (const PilotLuxel& r : results) {
-            if (k >= r.shown) continue;
-            double variance = 0, shift = 0;
-            for (std::size_t c = 0; c < 3; ++c) {
-                const double scale = std::max(r.mean_value[k][c], options_.error_floor * mean_value[c]);
-                if (!(scale > 0)) continue;
-                variance += spread(r.value, k, c) / (scale * scale) / 3;
-                direct += r.area * spread(r.direct, k, c) / (scale * scale) / 3;
-                // Error falls with the square of the patch size: the difference to twice the size is three times it. The
-                // noise of the difference makes its square too large by that of the mean.
-                double d = 0;
-                for (const auto& v : r.to_coarse) d += v[k][c] / kReplicates;
-                shift += (d * d - spread(r.to_coarse, k, c) / kReplicates) / (9 * scale * scale) / 3;
-            }
-            noise += variance * r.area, noise2 += variance * variance * r.area;
-            bias += shift * r.area, bias2 += shift * shift * r.area;
-            ++n;
-        }
-        noise /= area, bias = std::max(0.0, bias / area), direct /= area;
-        if (noise + bias <= worst) continue;
-        worst = noise + bias;
-        out.noise = std::sqrt(noise), out.bias = std::sqrt(bias);
-        out.direct = std::sqrt(direct), out.gather = std::sqrt(std::max(0.0, noise - direct));
-        out.noise_se = std::sqrt(std::max(0.0, noise2 / area - noise * noise) / n);
-        out.bias_se = std::sqrt(std::max(0.0, bias2 / area - bias * bias) / n);
-    }
-    double shown = 0;
-    for (const PilotLuxel& r : results)
-        out.representation += r.representation * r.area, shown += r.representation > 0 ? r.area : 0;
-    if (shown > 0) out.representation = std::sqrt(out.representation / shown);
-    return out;
-}
-
 // All luxels of the patches. Emitters met by surprise are returned, per patch, and left out of the result, which
 // then is to be done again for those patches; not in the last pass. Passes with more rays use others than those
 // before: what decided that a place is noisy must not be part of its value.
@@ -510,7 +376,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                     const std::uint32_t l = patch_luxels_[k];
                     const Luxel& luxel = surfaces_.luxels[l];
                     gathered.luxels.push_back(gather(l, kernel_of(l), guide, map_of(luxel.chart), rays_[p], seed_at(luxel_centroid(luxel), stream),
-                                                     pass == Pass::last ? nullptr : &gathered.met, nullptr, nullptr, memo_ ? &looked : nullptr));
+                                                     pass == Pass::last ? nullptr : &gathered.met, {}, memo_ ? &looked : nullptr));
                 }
                 std::ranges::sort(gathered.met);
                 const auto same = std::ranges::unique(gathered.met);

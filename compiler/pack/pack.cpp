@@ -34,7 +34,7 @@ std::string number(double value) { // shortest that reads back the same
 std::string error_json(const ErrorReport& e) {
     return "{\"target\":" + number(e.target) + ",\"estimate\":" + number(e.estimate) + ",\"low\":" + number(e.low) +
            ",\"high\":" + number(e.high) + ",\"noise\":" + number(e.noise) + ",\"patch_bias\":" + number(e.patch_bias) +
-           ",\"iteration\":" + number(e.iteration) + ",\"representation\":" + number(e.representation) + "}";
+           ",\"iteration\":" + number(e.iteration) + ",\"shortcuts\":" + number(e.shortcuts) + ",\"solution\":" + number(e.solution) + ",\"representation\":" + number(e.representation) + "}";
 }
 
 bool coarse(const PackInput& in) { return in.density && !in.density->grids.empty(); }

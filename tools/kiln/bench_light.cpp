@@ -19,6 +19,7 @@ struct Options {
     TruthSettings truth;
     SweepOptions sweep;
     double most_cost = 1.1; // of what the stored front says
+    std::size_t worst = 0;  // luxels to list
     int threads = 1;
     bool quick = false, update = false;
 };
@@ -44,6 +45,30 @@ std::string row(const Measurement& m) {
                        m.estimate > 0 ? fmt::format("{:.2f}", m.estimate) : "", m.rays * 1e-6, m.peak_mb);
 }
 const char* kHeader = "scene             method            setting                  CPU s  rRMSE %  noise %  estimate     Mrays       MB";
+
+// One target with several seeds; adds its counts to `all`.
+std::string seeds_row(const Truth& truth, const std::vector<Measurement>& runs, Seeds* all) {
+    const Seeds s = compare_seeds(truth, runs);
+    all->runs += s.runs, all->within_estimate += s.within_estimate, all->within_high += s.within_high;
+    all->over_estimate = std::max(all->over_estimate, s.over_estimate), all->over_high = std::max(all->over_high, s.over_high);
+    return fmt::format("  {} seeds, {}, {}: error {:.2f} %, estimate {:.2f} to {:.2f} %; covered {} and {} times, under by {:.2f} and {:.2f}; between seeds {:.2f} % (own {:.2f}), common {:.2f} % (own {:.2f}), sums {:+.2f} %; {:.2f} Mrays, {:.2f} CPU s\n", s.runs,
+                       runs[0].scene, runs[0].setting, s.error, s.estimate, s.high, s.within_estimate, s.within_high, s.over_estimate, s.over_high, s.noise, s.own_noise, s.common, s.own_bias, fmt::join(s.bias, " "), s.rays * 1e-6, s.cpu_s);
+}
+
+std::string worst_rows(const LightScene& scene, const Truth& truth, const std::vector<Measurement>& runs, std::size_t most) {
+    std::string out;
+    for (const WorstLuxel& w : worst_luxels(truth, runs, most)) {
+        const Luxel& l = scene.surfaces.luxels[truth.luxels[w.at]];
+        const Face& face = scene.surfaces.faces[l.face.at()];
+        const Vec3 p = world_from_luxel(scene.surfaces, l.face, centroid_of(scene.surfaces, l));
+        const SourceLocation where = face.side.valid() ? scene.world.location(face.side) : SourceLocation{};
+        const std::string source = where.line > 0 ? fmt::format(", {}:{}", where.file, where.line) : "";
+        out += fmt::format("    {:+.1f} % along {}, mean {:+.1f} % (truth {:.3g} +- {:.1f} %), {:.1f} % of the square, at {:.1f} {:.1f} {:.1f}, face {} ({:.2f} {:.2f} {:.2f}), chart {} luxel {} {} of area {:.2f}{}\n",
+                           std::copysign(w.error, w.mean), kDirectionNames[w.direction], w.mean, mean(truth.value[w.at][w.direction]), w.noise, 100 * w.share, p.x, p.y, p.z, l.face.value, face.normal.x, face.normal.y, face.normal.z,
+                           l.chart.value, l.x, l.y, l.area, source);
+    }
+    return out;
+}
 
 struct Loaded {
     Compiled compiled;
@@ -155,6 +180,7 @@ int run(Options& o) {
     if (failed) return console.fail(fault(Exit::io, "cannot-write", failed.message(), {.file = o.output}));
     std::vector<Measurement> all;
     std::vector<std::string> done;
+    Seeds known; // over all scenes and targets
     if (const int code = print_output(std::string(kHeader) + "\n"); code != 0) return code;
     for (const std::string& given : o.scenes) {
         const std::string map = map_of(given, o.root), name = fs::path(map).stem().string();
@@ -171,9 +197,16 @@ int run(Options& o) {
             print_error(fmt::format("kiln: note: {} is left out: no luxel of it shows light\n", name));
             continue;
         }
+        std::vector<Measurement> seeds;
         sweep(scene, *truth, o.sweep, context, [&](const Measurement& m) {
             all.push_back(m);
             print_output(row(m) + "\n");
+            if (m.method == "kiln" && m.skipped.empty()) seeds.push_back(m);
+            if (seeds.size() == o.sweep.seeds) {
+                if (seeds.size() > 1) print_output(seeds_row(*truth, seeds, &known));
+                print_output(worst_rows(scene, *truth, seeds, o.worst));
+                seeds.clear();
+            }
             std::fflush(stdout);
         });
         done.push_back(name);
@@ -183,6 +216,9 @@ int run(Options& o) {
         for (const auto& [file, text] : {std::pair{std::string("light.csv"), light_csv(all)}, std::pair{"light_" + name + ".svg", light_svg(name, all)}, std::pair{std::string("light.html"), light_html(done, all, remark)}})
             if (auto written = write_file(o.output + "/" + file, text); !written) return console.fail(written.fault());
     }
+    if (known.runs > 0)
+        print_output(fmt::format("the estimate covers the true error in {} of {} bakes, its upper bound in {}, never under by more than {:.2f} and {:.2f} times\n", known.within_estimate, known.runs, known.within_high,
+                                 std::max(1.0, known.over_estimate), std::max(1.0, known.over_high)));
     return print_output(fmt::format("charts of {} scenes: {}/light.html\n", done.size(), o.output));
 }
 
@@ -199,6 +235,8 @@ Command bench_command(CLI::App& app) {
     light->add_option("--root", o->root, "The folder that holds maps/ and tools/ (default .)")->type_name("DIR");
     light->add_option("--cache", o->cache, "Where truths are kept (default OUTPUT/truth)")->type_name("DIR");
     light->add_option("--targets", o->targets, "Error targets of the bake, percent (default 20,10,5,3,2,1,0.5; --short: 20,10,5)")->delimiter(',')->allow_extra_args(false)->check(CLI::Range(0.1, 100.0))->type_name("PERCENT,...");
+    light->add_option("--seeds", o->sweep.seeds, "Bakes a target, each with other random numbers: how often the estimate covers the true error, and how much of it differs between them (default 1)")->check(CLI::Range(1, 1000))->type_name("N");
+    light->add_option("--worst", o->worst, "List so many luxels that the bake errs most at, with place, face and chart, after each target")->type_name("N");
     light->add_option("--methods", o->methods, fmt::format("Only these: {}", fmt::join(method_names(), ", ")))->delimiter(',')->allow_extra_args(false)->type_name("NAME,...");
     light->add_option("--points", o->truth.points, "Luxels where truth is known, drawn by area (default 300)")->check(CLI::Range(10, 100000))->type_name("N");
     light->add_option("--truth-noise", o->truth.noise_percent, "Noise of the truth at which it is good enough, percent, worst direction (default 1)")->check(CLI::Range(0.01, 100.0))->type_name("PERCENT");

@@ -46,7 +46,7 @@ std::string report_json(const Compiled& c, const Console& console) {
     const auto done = [&](const char* stage) { return std::ranges::any_of(c.stages, [&](const StageReport& s) { return s.name == stage; }); };
     if (!done("light")) j["error"] = nullptr; // not known, which is not 0
     else j["error"] = {{"target", e.target}, {"estimate", e.estimate}, {"low", e.low}, {"high", e.high}, {"noise", e.noise},
-                  {"patch_bias", e.patch_bias}, {"iteration", e.iteration}, {"representation", e.representation},
+                  {"patch_bias", e.patch_bias}, {"iteration", e.iteration}, {"shortcuts", e.shortcuts}, {"solution", e.solution}, {"representation", e.representation},
                   {"ambient", c.ambient.error_estimate}};
     j["light"] = {{"iterations", c.lighting.iterations}, {"escaped_rays", c.lighting.escaped_rays}, {"back_face_rays", c.lighting.back_face_rays}};
     j["visibility"] = {{"steps", c.visibility.steps}, {"loose_portals", c.visibility.loose}, {"stopped", c.visibility_stopped}};
@@ -127,7 +127,7 @@ Command build_command(CLI::App& app) {
         ->check(CLI::IsMember(std::vector<std::string>(kStageNames.begin(), kStageNames.end())))->type_name("STAGE");
     app.add_flag_function("--leak-test", [o](std::int64_t) { o->stop_after = "bsp"; }, "Only tell whether the world is sealed (as --stop-after bsp): exit 4 where it leaks");
     app.add_flag_function("--strip", [o](std::int64_t) { o->bake.compile.strip = true; }, "Leave out provenance and error maps");
-    app.add_option("--require-error", o->require_error, "Exit 6 where the estimated error exceeds this, percent; the level is written all the same")->check(CLI::Range(0.0, 1000.0))->type_name("PERCENT");
+    app.add_option("--require-error", o->require_error, "Exit 6 where the error of the light may exceed this, percent: where it cannot be told with 95 % confidence that it does not; the level is written all the same")->check(CLI::Range(0.0, 1000.0))->type_name("PERCENT");
     app.footer("examples:\n  kiln build maps/atrium/atrium.vmf\n  kiln build e1m1.map -o e1m1.kiln --error 2 --cache ~/.cache/kiln\n"
                "  kiln build m.vmf --stop-after bsp --report m.json\n"
                "Words of vbsp, vvis, vrad, qbsp, vis and light (-fast, -final, -threads N, -game DIR ...) that have an equivalent become it; of others is said\n"
@@ -175,13 +175,13 @@ Command build_command(CLI::App& app) {
         if (last == Stage::pack) {
             if (const auto written = write_file(output, c.level); !written) return console.fail(written.fault());
             const ErrorReport& e = c.lighting.error;
-            console.say(fmt::format("{}: {:.2f} MB, light error {:.1f} % ({:.1f} to {:.1f} %, asked for {:g} %), ambient {:.0f} %", output,
-                                    static_cast<double>(c.level.size()) / 1e6, e.estimate, e.low, e.high, e.target, c.ambient.error_estimate));
+            console.say(fmt::format("{}: {:.2f} MB, light error about {:.1f} %, at most {:.1f} % (asked for {:g} %), ambient {:.0f} %", output,
+                                    static_cast<double>(c.level.size()) / 1e6, e.estimate, e.high, e.target, c.ambient.error_estimate));
             if (c.density.flat.size() < c.surfaces.texel_count && !c.density.grids.empty())
                 console.say(fmt::format("{} luxels shown by {} texels", c.surfaces.texel_count, c.density.flat.size()));
-            if (o->require_error > 0 && e.estimate > o->require_error)
+            if (o->require_error > 0 && e.high > o->require_error)
                 return console.fail(fault(Exit::quality, "error-above-gate",
-                                          fmt::format("the estimated error of the light is {:.2f} %, allowed are {:g} %", e.estimate, o->require_error),
+                                          fmt::format("the error of the light is at most {:.2f} % (about {:.2f} %), allowed are {:g} %", e.high, e.estimate, o->require_error),
                                           {.file = o->bake.map}));
         }
         if (!reported) return console.fail(reported.fault());

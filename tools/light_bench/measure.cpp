@@ -152,7 +152,7 @@ Errors compare(const Truth& truth, std::span<const Irradiance> values) {
     return e;
 }
 
-Measurement measure_bake(const LightScene& in, const Truth& truth, double target, Context& context) {
+Measurement measure_bake(const LightScene& in, const Truth& truth, double target, Context& context, std::uint64_t seed) {
     Measurement m;
     m.scene = in.name, m.method = "kiln", m.setting = fmt::format("--error {:g}", target), m.target = target;
     m.luxels = m.lit = truth.shown;
@@ -164,7 +164,7 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
     m.calibration = calibrated();
     // Irradiance along the basis vectors is what can be compared; all luxels directional is the dearest there is.
     LightOptions options;
-    options.error_percent = target, options.encoding = RnmEncoding::tilted, options.directional = Directional::all;
+    options.error_percent = target, options.encoding = RnmEncoding::tilted, options.directional = Directional::all, options.seed = seed;
     reset_peak();
     const double before = status_kb("VmRSS:"), start = cpu_seconds();
     const Result<Lighting> baked = bake_light(in.world, in.bsp, in.bsp.planes, in.surfaces, in.lights, options, context);
@@ -177,17 +177,82 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
     m.calibration = (m.calibration + calibrated()) / 2;
     m.rays = static_cast<double>(baked->rays);
     m.estimate = baked->error.estimate, m.low = baked->error.low, m.high = baked->error.high;
-    std::vector<Irradiance> values;
+    m.own_noise = std::hypot(baked->error.noise, baked->error.solution), m.own_bias = std::hypot(baked->error.patch_bias, baked->error.shortcuts);
     for (const std::uint32_t l : truth.luxels) {
         const Luxel& luxel = in.surfaces.luxels[l];
         const Chart& chart = in.surfaces.charts[luxel.chart.at()];
         const std::uint32_t in_chart = luxel.y * chart.width + luxel.x;
         Irradiance e{static_cast<Rgbd>(baked->flat[chart.first_texel + in_chart])};
         for (std::size_t k = 0; k < 3; ++k) e[k + 1] = static_cast<Rgbd>(baked->rnm[baked->rnm_first[luxel.chart.at()] + in_chart][k]);
-        values.push_back(e);
+        m.values.push_back(e);
     }
-    m.errors = compare(truth, values);
+    m.errors = compare(truth, m.values);
     return m;
+}
+
+Seeds compare_seeds(const Truth& truth, std::span<const Measurement> runs) {
+    Seeds out;
+    const auto n = static_cast<double>(runs.size());
+    for (const Measurement& m : runs) {
+        ++out.runs;
+        out.within_estimate += m.errors.worst <= m.estimate, out.within_high += m.errors.worst <= m.high, out.within_target += m.errors.worst <= m.target;
+        out.error += m.errors.worst * m.errors.worst / n, out.estimate += m.estimate * m.estimate / n, out.high += m.high * m.high / n;
+        out.own_noise += m.own_noise * m.own_noise / n, out.own_bias += m.own_bias * m.own_bias / n;
+        if (m.estimate > 0) out.over_estimate = std::max(out.over_estimate, m.errors.worst / m.estimate), out.over_high = std::max(out.over_high, m.errors.worst / m.high);
+        out.cpu_s += m.cpu_s / n, out.rays += m.rays / n;
+        for (std::size_t d = 0; d < 4; ++d) out.bias[d] += m.errors.bias[d] / n;
+    }
+    for (double* square : {&out.error, &out.estimate, &out.high, &out.own_noise, &out.own_bias}) *square = std::sqrt(*square);
+    if (runs.size() < 2) return out;
+    // The spread of the runs about their mean is noise; the mean is off by what all have, by its own noise and by that of the truth.
+    const auto mean_of = [&](std::size_t i, std::size_t d, std::size_t c) {
+        double sum = 0;
+        for (const Measurement& m : runs) sum += m.values[i][d][c];
+        return sum / n;
+    };
+    const auto noise = root_mean_square(truth, [&](std::size_t i, std::size_t d, std::size_t c) {
+        double sum = 0;
+        for (const Measurement& m : runs) sum += std::pow(m.values[i][d][c] - mean_of(i, d, c), 2);
+        return std::sqrt(sum / (n - 1));
+    });
+    const auto off = root_mean_square(truth, [&](std::size_t i, std::size_t d, std::size_t c) { return mean_of(i, d, c) - truth.value[i][d][c]; });
+    const auto unsure = noise_of(truth);
+    double worst = -1;
+    for (std::size_t d = 0; d < 4; ++d) {
+        const double common = std::max(0.0, off[d] * off[d] - noise[d] * noise[d] / n - unsure[d] * unsure[d]);
+        if (common + noise[d] * noise[d] <= worst) continue;
+        worst = common + noise[d] * noise[d], out.noise = noise[d], out.common = std::sqrt(common);
+    }
+    return out;
+}
+
+std::vector<WorstLuxel> worst_luxels(const Truth& truth, std::span<const Measurement> runs, std::size_t most) {
+    const std::size_t n = truth.value.size();
+    std::vector<WorstLuxel> out(n);
+    if (runs.empty()) return {};
+    for (std::size_t d = 0; d < 4; ++d) {
+        double level = 0, sum = 0;
+        for (const Irradiance& v : truth.value) level += mean(v[d]) / static_cast<double>(n);
+        std::vector<WorstLuxel> along(n);
+        for (std::size_t i = 0; i < n; ++i) {
+            WorstLuxel& w = along[i];
+            const double t = mean(truth.value[i][d]), scale = std::max({t, 0.02 * level, 1e-300});
+            for (const Measurement& m : runs) {
+                const double e = 100 * (mean(m.values[i][d]) - t) / scale;
+                w.error += e * e / static_cast<double>(runs.size()), w.mean += e / static_cast<double>(runs.size());
+            }
+            sum += w.error;
+            w.at = i, w.direction = d, w.noise = 100 * mean(truth.error[i][d]) / scale;
+        }
+        for (std::size_t i = 0; i < n; ++i) {
+            along[i].share = sum > 0 ? along[i].error / sum : 0;
+            along[i].error = std::sqrt(along[i].error);
+            if (d == 0 || along[i].error > out[i].error) out[i] = along[i];
+        }
+    }
+    std::ranges::stable_sort(out, std::greater<>(), &WorstLuxel::error);
+    out.resize(std::min(most, n));
+    return out;
 }
 
 std::vector<std::uint32_t> lit_luxels(const LightScene& in, const Truth& truth, std::uint32_t most, Context& context) {

@@ -56,16 +56,41 @@ struct Measurement {
     double cpu_s = 0;                            // for all luxels
     double calibration = 0;                      // rays a CPU second by the tracer alone, on this scene, at that time
     double estimate = 0, low = 0, high = 0;      // percent: what the method says of its own error; 0: nothing
+    double own_noise = 0, own_bias = 0;          // percent: the parts of it that differ from seed to seed, and that do not
     std::uint64_t luxels = 0, lit = 0;           // of the scene; at which it was measured
     double rays = 0;                             // for all luxels
     double peak_mb = 0;                          // by which the process grew at most
     Errors errors;
+    std::vector<rivals::Irradiance> values;      // of the bake, at the luxels of truth
     std::string skipped;                         // why there are no numbers
     double cost() const { return cpu_s * calibration * 1e-6; } // in million rays of the tracer
 };
 
 // The bake itself, to an error target.
-Measurement measure_bake(const LightScene& scene, const Truth& truth, double target_percent, Context& context);
+Measurement measure_bake(const LightScene& scene, const Truth& truth, double target_percent, Context& context, std::uint64_t seed = 1);
+
+// What bakes of one scene to one target with several seeds have in common and what not, and whether each knew its error.
+struct Seeds {
+    std::size_t runs = 0, within_estimate = 0, within_high = 0, within_target = 0;
+    double error = 0, estimate = 0, high = 0;         // percent, root mean square over the runs
+    double over_estimate = 0, over_high = 0;          // the largest true error over each
+    double noise = 0, common = 0;                     // percent, worst direction: found in the values of the runs
+    double own_noise = 0, own_bias = 0;               // what the bake says of those
+    std::array<double, 4> bias{};                     // percent: of the sum over all luxels, mean over the runs
+    double cpu_s = 0, rays = 0;                       // mean
+};
+Seeds compare_seeds(const Truth& truth, std::span<const Measurement> runs);
+
+// The luxels of truth that make most of the error of those runs, each with its worst direction.
+struct WorstLuxel {
+    std::size_t at = 0;       // index into Truth::luxels
+    std::size_t direction = 0;
+    double error = 0;         // percent: root mean square over the runs
+    double mean = 0;          // percent: of their mean, signed
+    double noise = 0;         // percent: of the truth there
+    double share = 0;         // of the mean square error in that direction over all luxels, 0 to 1
+};
+std::vector<WorstLuxel> worst_luxels(const Truth& truth, std::span<const Measurement> runs, std::size_t most);
 // Where rivals answer: the luxels of truth, then more of those that show light, spread evenly, up to `most`: enough for
 // time to be measured.
 std::vector<std::uint32_t> lit_luxels(const LightScene& scene, const Truth& truth, std::uint32_t most, Context& context);

@@ -76,8 +76,8 @@ void sweep(const LightScene& scene, const Truth& truth, const SweepOptions& opti
                 continue;
             }
             const double start = cpu_seconds();
-            done(measure_bake(scene, truth, target, context));
-            took.push_back(cpu_seconds() - start);
+            for (std::uint64_t seed = 1; seed <= options.seeds; ++seed) done(measure_bake(scene, truth, target, context, seed));
+            took.push_back((cpu_seconds() - start) / options.seeds);
         }
     }
     if (!options.rivals) return;

@@ -8,6 +8,7 @@ struct SweepOptions {
     std::vector<double> targets = {20, 10, 5, 3, 2, 1, 0.5}; // of the bake, percent
     bool rivals = true;
     std::vector<std::string> methods;  // only these; empty: all
+    std::uint32_t seeds = 1;           // bakes a target
     double most_cpu_s = 60;            // a finer setting is left out where it would take longer than this by the last two
     std::uint32_t most_lit = 1500;     // luxels at which rivals answer
 };

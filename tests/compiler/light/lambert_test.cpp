@@ -72,7 +72,7 @@ TEST(Emitters, SamplesAddUpToTheFormFactor) {
             const Vec3 other = frame_around(n).world(kRnmBasis[0]);
             double sum = 0, shown = 0, tilted = 0;
             for (std::uint32_t k = 0; k < 4; ++k)
-                set.sample(0, x, n, 64 * k, 64, points, 1e-5, EmitterSet::Arrival::whole, [&](Vec3 y, Vec3 flux) {
+                set.sample(0, x, n, 64 * k, 64, points, 1e-5, EmitterSet::Arrival::whole, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
                     EXPECT_NEAR(y.z, 100, 1e-9);
                     sum += dot(flux, n) / 4, shown += std::max(0.0, dot(flux, n)) / 4, tilted += std::max(0.0, dot(flux, other)) / 4;
                 });

@@ -51,6 +51,31 @@ TEST(LightBench, ErrorIsRelativeWithAFloor) {
     EXPECT_EQ(compare(black, black.value).worst, 0);
 }
 
+TEST(LightBench, SeedsPartIntoWhatTheyShareAndWhatNot) {
+    const Truth t = truth_of({1, 2, 4});
+    std::vector<Measurement> runs(4);
+    const double off[4] = {1.06, 1.02, 1.06, 1.02}; // 4 % in common, 2 % either way: of two degrees of freedom, 4 / 3 of the square
+    for (std::size_t k = 0; k < runs.size(); ++k) {
+        runs[k].values = scaled(t, off[k], 1);
+        runs[k].errors = compare(t, runs[k].values);
+        runs[k].target = 5, runs[k].estimate = 4, runs[k].high = 5;
+    }
+    const Seeds s = compare_seeds(t, runs);
+    EXPECT_EQ(s.runs, 4u);
+    EXPECT_EQ(s.within_estimate, 2u);
+    EXPECT_EQ(s.within_high, 2u);
+    EXPECT_NEAR(s.over_high, 6.0 / 5, 1e-9);
+    EXPECT_NEAR(s.noise, 2 * std::sqrt(4.0 / 3), 1e-9);
+    EXPECT_NEAR(s.common, std::sqrt(16 - 4.0 / 3), 1e-9); // the mean of four has a quarter of their noise
+    EXPECT_NEAR(s.bias[0], 4, 1e-9);
+    const std::vector<WorstLuxel> worst = worst_luxels(t, runs, 2);
+    ASSERT_EQ(worst.size(), 2u);
+    EXPECT_EQ(worst[0].direction, 0u);
+    EXPECT_NEAR(worst[0].mean, 4, 1e-9);
+    EXPECT_NEAR(worst[0].error, std::sqrt((36.0 + 4) / 2), 1e-9);
+    EXPECT_NEAR(worst[0].share, 1.0 / 3, 1e-9);
+}
+
 TEST(LightBench, NoiseOfTheTruthIsTakenOut) {
     const Truth t = truth_of({1, 1, 1, 1}, 0.03);
     const Errors e = compare(t, scaled(t, 1.05, 1.05));

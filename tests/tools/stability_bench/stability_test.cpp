@@ -136,11 +136,11 @@ TEST(Stability, F11LightDownACorridor) {
     for (std::size_t i = 0; i < bright.x.size(); ++i) EXPECT_LT(bright.y[i], bright.x[i] < 2.5 ? 5 : 15) << bright.x[i];
 }
 
-// Not met: the estimate covers the true error in 17 of 40 runs of the full sweep, by up to 1.6 times (STABILITY.md).
 TEST(Stability, F12ThreadsDoNotMatterAndTheEstimateIsNoDream) {
     const SweepReport r = quick("F12");
     EXPECT_EQ(most(series(r, 2, "kiln")), 0);
-    EXPECT_LT(most(series(r, 1, "kiln")), 1.5); // the true error over the estimate
+    EXPECT_LT(most(series(r, 1, "over the estimate")), 1.5); // the true error
+    EXPECT_LT(most(series(r, 1, "over its upper bound")), 1.25); // over few luxels
     const Series& found = series(r, 0, "true error");
     for (std::size_t i = 0; i < found.x.size(); ++i) EXPECT_LT(found.y[i], 1.5 * found.x[i]);
 }

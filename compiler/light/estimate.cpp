@@ -1,0 +1,276 @@
+// What the bake says of its own error.
+//
+// Source   upper bounds of skewed means: P. Hall, "Inverting an Edgeworth expansion", Annals of Statistics 11 (1983); of sums of
+//          variances: F. A. Graybill and C.-M. Wang, "Confidence intervals on nonnegative linear combinations of variances",
+//          J. American Statistical Association 75 (1980). What is measured, and what is not seen by it: NOTES.md
+#include "compiler/light/bake.h"
+#include "compiler/light/jacobi.h"
+#include "libs/parallel/parallel.h"
+#include "libs/sampling/maps.h"
+#include <numbers>
+
+namespace kiln {
+namespace {
+
+constexpr double kOneSided = 1.6449; // quantile of the normal distribution: 95 %
+constexpr std::uint32_t kQuarters = 4;
+// Three contrasts of quarters: an upper bound of a variance is 3 / (0.05 quantile of chi square with 3 degrees) times what they say.
+constexpr double kUpperOfThree = 3 / 0.3518;
+
+// How far the mean of all may lie above and below that of a sample with these weights, each with 95 %. Squares of errors are skewed: a
+// sample hardly ever has its share of the rare large ones, so their skewness moves the bounds (Hall), up most of all.
+struct Bounds {
+    double above = 0, below = 0;
+};
+Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled, double more_variance) {
+    const auto n = static_cast<double>(value.size());
+    if (n < 2) return {};
+    double all = 0, mean = 0, square = 0, cube = 0;
+    for (std::size_t i = 0; i < value.size(); ++i) all += weight[i], mean += weight[i] * value[i];
+    mean /= all;
+    for (std::size_t i = 0; i < value.size(); ++i) {
+        const double r = weight[i] * n / all * (value[i] - mean);
+        square += r * r, cube += r * r * r;
+    }
+    square /= n - 1, cube /= n;
+    if (!(square > 0)) return {};
+    const double skew = cube / (square * std::sqrt(square)), root = std::sqrt(n);
+    const double se = std::sqrt(square / n * std::max(0.0, 1 - sampled) + more_variance);
+    const double shift = skew * (2 * kOneSided * kOneSided + 1) / (6 * root);
+    return {se * std::max(0.0, kOneSided + shift), se * std::max(0.0, kOneSided - shift)};
+}
+
+} // namespace
+
+// One luxel of the pilot. `encoding`: with what its encoding makes of other normals.
+PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const {
+    constexpr int kNormals = 6;
+    Guide guide;
+    const Luxel& luxel = surfaces_.luxels[l];
+    const Chart& chart = surfaces_.charts[luxel.chart.at()];
+    const HemisphereMap map = map_of(luxel.chart);
+    patch_guide(luxel_patch_[l], &guide);
+    const Footprint footprint = footprint_of_luxel(l);
+    const LuxelKernel kernel = kernel_of(l);
+    PilotLuxel result;
+    result.shown = kernel.shown_count();
+    KernelSum sum;
+    for (std::uint32_t r = 0; r < kReplicates; ++r) {
+        const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
+        std::array<Other, 2> others{{{&coarse_, {}}, {&close, {}}}};
+        KernelSum direct;
+        KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, std::span(others).first(rough ? 1 : 2), looked).sum;
+        std::uint64_t shadow = 0;
+        direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
+        fine += direct, others[0].sum += direct;
+        result.value[r] = kernel.shown(fine), result.direct[r] = kernel.shown(direct);
+        const std::array<Rgbd, 4> coarse = kernel.shown(others[0].sum);
+        for (std::size_t k = 0; k < 4; ++k) result.to_coarse[r][k] = coarse[k] - result.value[r][k];
+        if (!rough) {
+            direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 2), kernel, &others[1].sum, &shadow, nullptr, nullptr, true);
+            const std::array<Rgbd, 4> closely = kernel.shown(others[1].sum);
+            for (std::size_t k = 0; k < 4; ++k) result.to_close[r][k] = closely[k] - result.value[r][k];
+        }
+        sum += fine;
+    }
+    sum *= 1.0 / kReplicates;
+    result.mean_value = kernel.shown(sum);
+    result.area = luxel.area * luxel_area(surfaces_, luxel.face);
+    if (!kernel.cone || chart.smooth || !encoding) return result;
+    // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
+    const auto light = [&](const LuxelKernel& k) {
+        KernelSum arriving = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr, {}, looked).sum;
+        std::uint64_t shadow = 0;
+        direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &arriving, &shadow, nullptr, nullptr);
+        return arriving;
+    };
+    const KernelSum base = light(kernel);
+    const std::array<Rgb, 3> stored = kernel.finish(base);
+    for (int k = 0; k < kNormals; ++k) {
+        const SinCos turn = sincos_turns((k + 0.5) / kNormals);
+        const Vec3 n{kTypicalTilt * turn.cos, kTypicalTilt * turn.sin, std::sqrt(1 - kTypicalTilt * kTypicalTilt)};
+        const Vec3 world = kernel.frame.world(n);
+        LuxelKernel tilted;
+        tilted.frame = frame_around(world);
+        const double truth = mean(light(tilted).flat),
+                     shown = mean(rnm_evaluate(kernel.encoding, stored, n));
+        const double scale = std::max(truth, floor_);
+        if (scale > 0)
+            result.representation += (shown - truth) * (shown - truth) / (scale * scale * kNormals);
+    }
+    return result;
+}
+
+// Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no
+// reference needed; the same rays looked up in patches of twice the size show how much the patches still matter.
+Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
+    std::vector<std::uint32_t> chosen;
+    std::size_t all = 0;
+    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l) {
+        if (luxel_patch_[l] == kNoPatch || covered_[luxel_patch_[l]]) continue;
+        ++all;
+        if (seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0) chosen.push_back(l);
+    }
+    // Light of walls close by as if it changed much everywhere: asked for at the very place.
+    ReflectedLight close;
+    if (!rough) {
+        close = reflected_;
+        std::ranges::fill(close.steep, std::uint8_t{1});
+    }
+    if (memo_) note_states();
+    std::vector<PilotLuxel> results(chosen.size());
+    constexpr std::size_t kChunk = 8;
+    parallel_for(context_, "light: pilot", (chosen.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+        thread_local Looked looked;
+        for (std::size_t i = chunk * kChunk; i < std::min(chosen.size(), (chunk + 1) * kChunk); ++i) {
+            const std::uint32_t l = chosen[i], p = luxel_patch_[l];
+            const bool encoding = i % 4 == 0;
+            const std::uint64_t key = memo_ ? mix(gather_key(p), std::bit_cast<std::uint64_t>(floor_), effort_[p], l, pilots_, static_cast<std::uint64_t>(rough) | std::uint64_t{encoding} << 1) : 0;
+            if (const Bytes* kept = memo_ ? memo_->pilot.find(key, states_coarse_) : nullptr) {
+                results[i] = from_bytes<PilotLuxel>(*kept);
+                continue;
+            }
+            looked.begin(kLookedAt * patches_.patches.size());
+            looked.at(2 * static_cast<std::uint32_t>(patches_.patches.size()) + p); // direct light, too
+            results[i] = pilot_luxel(l, close, rough, encoding, memo_ ? &looked : nullptr);
+            if (memo_) memo_->pilot.keep(key, states_coarse_, looked.parts(), to_bytes(results[i]));
+        }
+    });
+    ++pilots_;
+    PilotResult out;
+    const auto spread = [](const auto& values, std::size_t normal, std::size_t c) {
+        double m = 0, s = 0;
+        for (const auto& v : values) m += v[normal][c] / kReplicates;
+        for (const auto& v : values) s += (v[normal][c] - m) * (v[normal][c] - m) / (kReplicates - 1);
+        return s;
+    };
+    // The square of a mean over replicates, without what their noise adds to it.
+    const auto shift_of = [&](const auto& values, std::size_t normal, std::size_t c) {
+        double m = 0;
+        for (const auto& v : values) m += v[normal][c] / kReplicates;
+        return m * m - spread(values, normal, c) / kReplicates;
+    };
+    double worst = -1;
+    std::vector<double> squares, weights;
+    for (std::size_t k = 0; k < 4; ++k) { // along each normal
+        double area = 0;
+        Rgbd mean_value;
+        for (const PilotLuxel& r : results)
+            if (k < r.shown) mean_value += r.mean_value[k] * r.area, area += r.area;
+        if (!(area > 0)) continue;
+        mean_value = mean_value / area;
+        double noise = 0, fourth = 0, bias = 0, shortcut = 0, direct = 0;
+        squares.clear(), weights.clear();
+        for (const PilotLuxel& r : results) {
+            if (k >= r.shown) continue;
+            double variance = 0, shift = 0, short_by = 0;
+            for (std::size_t c = 0; c < 3; ++c) {
+                const double scale = std::max(r.mean_value[k][c], options_.error_floor * mean_value[c]);
+                if (!(scale > 0)) continue;
+                const double per = 1 / (3 * scale * scale);
+                variance += per * spread(r.value, k, c);
+                direct += per * r.area * spread(r.direct, k, c);
+                // Error falls with the square of the patch size: the difference to twice the size is three times it.
+                shift += per * shift_of(r.to_coarse, k, c) / 9;
+                short_by += per * shift_of(r.to_close, k, c);
+            }
+            noise += variance * r.area, fourth += variance * variance * r.area;
+            bias += shift * r.area, shortcut += short_by * r.area;
+            squares.push_back(variance + shift + short_by), weights.push_back(r.area);
+        }
+        noise /= area, bias = std::max(0.0, bias / area), shortcut = std::max(0.0, shortcut / area), direct /= area, fourth /= area;
+        const double square = noise + bias + shortcut;
+        // The bake draws its own errors once: the mean of their squares is off by sqrt(2 / N) if they are normal. A variance of
+        // four has on the average (1 + 2 / 3) times the square of the true one.
+        const double drawn = 2 * (fourth / (1 + 2.0 / (kReplicates - 1))) / static_cast<double>(std::max<std::size_t>(all, 1));
+        const Bounds b = bounds_of_mean(squares, weights, static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)), drawn);
+        out.above = std::max(out.above, square + b.above); // absolute until the worst is known
+        if (square <= worst) continue;
+        worst = square;
+        out.square = square, out.below = std::min(square, b.below);
+        out.noise = std::sqrt(noise), out.bias = std::sqrt(bias), out.shortcut = std::sqrt(shortcut);
+        out.direct = std::sqrt(direct), out.gather = std::sqrt(std::max(0.0, noise - direct));
+    }
+    out.above = std::max(0.0, out.above - out.square);
+    double shown = 0;
+    for (const PilotLuxel& r : results)
+        out.representation += r.representation * r.area, shown += r.representation > 0 ? r.area : 0;
+    if (shown > 0) out.representation = std::sqrt(out.representation / shown);
+    return out;
+}
+
+double Bake::solution_noise() const {
+    const std::uint32_t m = quality_.row_rays, part = m / kQuarters;
+    const std::size_t n = patches_.patches.size();
+    const Rgbd sky = sky_radiance(lights_);
+    std::vector<Rgbd> rho;
+    for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
+    // The solution by each quarter of the rays. Quarters of a sequence scatter somewhat more than four times the whole does.
+    std::array<std::vector<Rgbd>, kQuarters> total;
+    for (std::uint32_t q = 0; q < kQuarters; ++q) {
+        std::vector<Rgbd> first(n);
+        for (std::uint32_t p = 0; p < n; ++p) {
+            Rgbd emitted;
+            for (std::uint32_t i = q * part; i < (q + 1) * part; ++i) {
+                const std::uint32_t hit = hits_[std::size_t{p} * m + i];
+                const std::uint32_t emitter = is_patch(hit) ? patch_emitter_[hit] : hit < kHitPanes ? hit & ~kHitEmitter : UINT32_MAX;
+                if (hit == kHitEscaped) emitted += sky;
+                else if (emitter != UINT32_MAX && !listed(p, emitter)) emitted += emitters_.emitters[emitter].radiance;
+            }
+            first[p] = solved_direct_[p] + emitted * (std::numbers::pi / part);
+        }
+        total[q] = solve_bounces(first, rho, 0.01, context_, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
+                       Rgbd row;
+                       for (std::uint32_t i = q * part; i < (q + 1) * part; ++i)
+                           if (const std::uint32_t hit = hits_[p * m + i]; is_patch(hit)) row += b[hit];
+                       sum += row * (1.0 / part);
+                   }).irradiance;
+    }
+    // What such a difference is in gathered light. By both halves of a row: their product has no share of the row's own noise.
+    std::array<std::vector<Rgbd>, kQuarters - 1> leaves;
+    Rgbd level;
+    double area = 0, sum = 0;
+    for (std::size_t k = 0; k < leaves.size(); ++k) {
+        leaves[k].resize(n);
+        // Two against two, in each of the three ways there are: as noisy as the mean of all four.
+        for (std::size_t p = 0; p < n; ++p)
+            for (std::size_t q = 0; q < kQuarters; ++q) leaves[k][p] += total[q][p] * (q == 0 || q == k + 1 ? 0.25 : -0.25);
+    }
+    for (std::uint32_t p = 0; p < n; ++p) {
+        const double a = luxel_area_of(p);
+        level += (rest_[p] + solved_direct_[p]) * a, area += a;
+    }
+    if (!(area > 0)) return 0;
+    level = level / area;
+    for (std::uint32_t p = 0; p < n; ++p) {
+        const double a = luxel_area_of(p);
+        if (!(a > 0) || covered_[p]) continue;
+        const Rgbd now = rest_[p] + solved_direct_[p];
+        for (const std::vector<Rgbd>& leaf : leaves) {
+            std::array<Rgbd, 2> half;
+            for (std::uint32_t i = 0; i < m; ++i)
+                if (const std::uint32_t hit = hits_[std::size_t{p} * m + i]; is_patch(hit)) half[i * 2 / m] += rho[hit] * leaf[hit] * (2.0 / m);
+            for (std::size_t c = 0; c < 3; ++c) {
+                const double scale = std::max(now[c], options_.error_floor * level[c]);
+                if (scale > 0) sum += a * half[0][c] * half[1][c] / (scale * scale) / (3.0 * leaves.size());
+            }
+        }
+    }
+    return std::sqrt(std::max(0.0, sum / area));
+}
+
+ErrorReport Bake::error_report(const PilotResult& check, double solution) const {
+    ErrorReport e;
+    e.target = options_.error_percent;
+    e.noise = 100 * check.noise, e.patch_bias = 100 * check.bias, e.iteration = 100 * residual_;
+    e.shortcuts = 100 * check.shortcut, e.solution = 100 * solution;
+    e.representation = 100 * check.representation;
+    const double square = check.square + solution * solution + residual_ * residual_;
+    // Of a sum of independent parts: bounds add as squares of what they are away (Graybill and Wang).
+    const double above = std::hypot(check.above, (kUpperOfThree - 1) * solution * solution);
+    e.estimate = 100 * std::sqrt(square);
+    e.low = 100 * std::sqrt(std::max(0.0, square - check.below)), e.high = 100 * std::sqrt(square + above);
+    return e;
+}
+
+} // namespace kiln
