@@ -249,7 +249,7 @@ TEST(Visibility, goes_on_where_it_was_cancelled) {
             int waves = 0;
             Context context;
             context.stop = &stop;
-            context.progress = [&](const std::string&, double) { stop = ++waves == 3; };
+            context.progress = [&](const std::string&, double) { stop = ++waves == 2; };
             progress = from_bytes<VisibilityProgress>(to_bytes(progress)); // as through a cache
             try {
                 const auto v = compute_visibility(map.portals, map.cluster_count, options, context, {.progress = &progress});
