@@ -124,8 +124,9 @@ LightField::LightField(const World& world, const Bsp&, const PlaneTable&, const 
                      {},
                      {}}) {
     Data& d = *data_;
-    for (const Vec3& p : surfaces.positions) d.bounds.add(p);
     for (const Chart& c : surfaces.charts) d.near_reach = std::max(d.near_reach, (kNearBounces + 1) * kNearLuxels * c.luxel_size);
+    for (const Vec3& p : surfaces.positions) // whatever is near a surface lies in there
+        for (const double side : {-d.near_reach, d.near_reach}) d.bounds.add(p + Vec3{side, side, side});
     constexpr double inv_pi = 1 / kPi;
     d.patch_reflected.resize(lighting.patches.size());
     for (std::size_t p = 0; p < lighting.patches.size(); ++p)

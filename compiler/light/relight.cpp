@@ -25,6 +25,8 @@ void Bake::open_memo() {
         for (std::size_t c = 0; c < cones_.size(); ++c) w(cones_[c] ? cone_deg_[c] : -1.0);
         geometry_ = hash_bytes(w.bytes).low;
         w(sky_radiance(lights_));
+        for (const Emitter& e : emitters_.emitters) // those of faces that may have no patch to show what they shine
+            if (!surfaces_.faces[e.face.at()].chart.valid()) w(e.radiance);
         base_ = hash_bytes(w.bytes).low | 1;
     }
     ByteWriter w;
