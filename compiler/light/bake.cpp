@@ -239,7 +239,7 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
     const std::vector<Rgbd> solved = solve(merged, coarse_first, coarse_rho, &iterations, &residual);
     std::vector<Rgbd> coarse_rest(m), rest(n), total(n);
     for (std::size_t c = 0; c < m; ++c) coarse_rest[c] = solved[c] - coarse_direct[c];
-    quantise(&coarse_rest, places_of(coarse));
+    quantise(&coarse_rest, coarse);
     for (std::size_t p = 0; p < n; ++p) rest[p] = coarse_rest[parent[p]], total[p] = coarse_direct[parent[p]] + rest[p];
     return reflected_light(rest, total);
 }
@@ -302,18 +302,12 @@ void Bake::make_patches() {
     rays_.assign(n, quality_.first_rays);
 }
 
-std::vector<Vec3> Bake::places_of(const PatchTable& table) {
-    std::vector<Vec3> out;
-    for (const Patch& p : table.patches) out.push_back(p.centroid);
-    return out;
-}
-
 // A lamp changed in one room changes the last digits of the light of every other. Rounded, up or down by the place, so that means do not
 // change, light is mostly the same where nothing much happened, and what was gathered of it can be taken over.
-void Bake::quantise(std::vector<Rgbd>* rest, const std::vector<Vec3>& places) const {
+void Bake::quantise(std::vector<Rgbd>* rest, const PatchTable& of) const {
     const double share = std::exp2(std::floor(std::log2(kRestStep * options_.error_percent / 100)));
     for (std::size_t p = 0; p < rest->size(); ++p) {
-        const std::uint64_t place = seed_at(places[p], 7);
+        const std::uint64_t place = seed_at(of.patches[p].centroid, 7);
         for (std::size_t c = 0; c < 3; ++c) {
             double& x = (*rest)[p][c];
             if (!(x > 0)) continue;
@@ -339,7 +333,7 @@ std::vector<Rgbd> Bake::solve_patches() {
     floor_ = area > 0 ? error_floor(options_.error_floor, sum / area) : 0;
     rest_.resize(n);
     for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
-    quantise(&rest_, places_of(patches_));
+    quantise(&rest_, patches_);
     for (std::size_t p = 0; p < n; ++p) total[p] = direct[p] + rest_[p];
     reflected_ = reflected_light(rest_, total);
     bright_.clear();
@@ -354,7 +348,7 @@ Lighting Bake::run() {
     out_.encoding = options_.encoding;
     // Which charts get directional light, and the table of their cone.
     std::map<double, std::shared_ptr<const ConeTable>> tables;
-    cones_.resize(surfaces_.charts.size()), cone_deg_.resize(surfaces_.charts.size());
+    cones_.resize(surfaces_.charts.size());
     out_.chart_directional.resize(surfaces_.charts.size());
     out_.rnm_first.assign(surfaces_.charts.size(), UINT32_MAX);
     std::size_t rnm = 0;
@@ -371,7 +365,6 @@ Lighting Bake::run() {
         auto& table = tables[cone > 0 ? cone : 30];
         if (!table) table = std::make_shared<ConeTable>(options_.encoding, cone > 0 ? cone : 30);
         cones_[c] = table;
-        cone_deg_[c] = cone > 0 ? cone : 30;
         out_.chart_directional[c] = 1;
         out_.rnm_first[c] = static_cast<std::uint32_t>(rnm);
         rnm += static_cast<std::size_t>(surfaces_.charts[c].width) * surfaces_.charts[c].height;

@@ -139,8 +139,7 @@ private:
     };
     void make_patches();
     std::vector<Rgbd> solve_patches();
-    static std::vector<Vec3> places_of(const PatchTable& table);
-    void quantise(std::vector<Rgbd>* rest, const std::vector<Vec3>& places) const;
+    void quantise(std::vector<Rgbd>* rest, const PatchTable& of) const;
     // relight.cpp
     void open_memo();
     bool load_rows();
@@ -266,7 +265,6 @@ private:
     std::vector<Rgbd> rest_;                                      // per patch: irradiance that is not direct
     std::vector<Rgbd> solved_direct_;                             // and that which is, as the bounces were solved
     std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
-    std::vector<double> cone_deg_;                                // per chart
     ReflectedLight reflected_;
     std::vector<double> bright_;               // per patch: luminance of what it reflects
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
@@ -290,6 +288,8 @@ private:
 Rgbd reflected_radiance(const Surfaces& surfaces, const LuxelIndex& index, const PatchTable& patches,
                         const ReflectedLight& light, const SceneHit& hit, Looked* looked = nullptr);
 Rgbd sky_radiance(const std::vector<Light>& lights);
+// Of all that makes its light: not the number of its entity.
+std::uint64_t light_id(Light light);
 // The shading normal at a point of a face.
 Vec3 shading_normal(const Surfaces& surfaces, FaceId face, Vec3 point);
 Frame shading_frame(const Frame& chart, Vec3 normal);

@@ -213,7 +213,7 @@ double Bake::solution_noise() const {
             Rgbd emitted;
             for (std::uint32_t i = q * part; i < (q + 1) * part; ++i) {
                 const std::uint32_t hit = hits_[std::size_t{p} * m + i];
-                const std::uint32_t emitter = is_patch(hit) ? patch_emitter_[hit] : hit < kHitPanes ? hit & ~kHitEmitter : UINT32_MAX;
+                const std::uint32_t emitter = emitter_of(hit);
                 if (hit == kHitEscaped) emitted += sky;
                 else if (emitter != UINT32_MAX && !listed(p, emitter)) emitted += emitters_.emitters[emitter].radiance;
             }

@@ -66,18 +66,21 @@ std::vector<std::uint64_t> LightField::part_states() const {
     for (std::size_t p = 0; p < l.patches.size(); ++p) states.push_back(hash_of(std::make_pair(l.patches[p], d.patch_reflected[p])).low);
     const auto bits = [](float x) { return std::bit_cast<std::uint32_t>(x); };
     for (std::size_t t = 0; t < l.flat.size(); ++t)
-        if (l.valid[t] == 1 && l.patch_index[t] < kMixedPatch)
-            if (const Rgb r = d.texel_reflected[t]; true) states[l.patch_index[t]] = mix(states[l.patch_index[t]], t, bits(r.x) | std::uint64_t{bits(r.y)} << 32, bits(r.z));
+        if (l.valid[t] == 1 && l.patch_index[t] < kMixedPatch) {
+            const Rgb r = d.texel_reflected[t];
+            std::uint64_t& state = states[l.patch_index[t]];
+            state = mix(state, t, bits(r.x) | std::uint64_t{bits(r.y)} << 32, bits(r.z));
+        }
     // Lights that can bring anything to where paths from points of the box may come.
+    std::vector<std::uint64_t> ids;
+    for (const Light& light : d.lights) ids.push_back(light_id(light));
     const Vec3 size = d.bounds.size() / Data::kBoxes;
     for (std::uint32_t i = 0; i < Data::kBoxes * Data::kBoxes * Data::kBoxes; ++i) {
         const Vec3 at{double(i / (Data::kBoxes * Data::kBoxes)), double(i / Data::kBoxes % Data::kBoxes), double(i % Data::kBoxes)};
         const Vec3 center = d.bounds.lo + size * 0.5 + Vec3{size.x * at.x, size.y * at.y, size.z * at.z};
         std::uint64_t state = 0;
-        for (Light light : d.lights) {
-            light.entity = {};
-            if (light_bound(light, center, length(size) / 2 + d.near_reach) > 0) state = mix(state, hash_of(light).low);
-        }
+        for (std::size_t k = 0; k < d.lights.size(); ++k)
+            if (light_bound(d.lights[k], center, length(size) / 2 + d.near_reach) > 0) state = mix(state, ids[k]);
         states.push_back(state);
     }
     return states;

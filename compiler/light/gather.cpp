@@ -99,16 +99,8 @@ void Bake::patch_guide(std::uint32_t p, Guide* guide) const {
         const std::size_t first = static_cast<std::size_t>(from) * m;
         for (std::size_t i = first; i < first + m; ++i) {
             const std::uint32_t hit = hits_[i];
-            double light = 0;
-            std::uint32_t emitter = UINT32_MAX;
-            if (hit == kHitPanes) {
-                light = light_through_panes(i, p);
-            } else if (is_patch(hit)) {
-                light = bright_[hit];
-                emitter = patch_emitter_[hit];
-            } else if (hit < kHitPanes) {
-                emitter = hit & ~kHitEmitter;
-            }
+            double light = hit == kHitPanes ? light_through_panes(i, p) : is_patch(hit) ? bright_[hit] : 0;
+            const std::uint32_t emitter = emitter_of(hit);
             if (emitter != UINT32_MAX && !listed(p, emitter))
                 light += luminance(emitters_.emitters[emitter].radiance);
             guide->add(hit_cells_[i], weight * light);

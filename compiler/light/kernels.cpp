@@ -36,7 +36,7 @@ constexpr double kInvSqrt3 = 0.57735026918962576;
 
 } // namespace
 
-ConeTable::ConeTable(RnmEncoding encoding, double cone_deg) {
+ConeTable::ConeTable(RnmEncoding encoding, double cone_deg) : cone_deg_(cone_deg) {
     const std::vector<ConeNormal> normals = cone_normals(std::clamp(cone_deg, 1.0, 80.0));
     double xx = 0;
     for (const ConeNormal& c : normals) xx += c.p * c.n.x * c.n.x;

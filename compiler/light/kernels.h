@@ -39,6 +39,7 @@ struct KernelSum {
 class ConeTable {
 public:
     ConeTable(RnmEncoding encoding, double cone_deg);
+    double cone_deg() const { return cone_deg_; }
     // g(theta) / sin(theta): 1 wherever no normal of the cone loses the light behind its horizon.
     double tangential(double cos_theta) const {
         const double x = (cos_theta + 1) * (0.5 * kNodes);
@@ -53,6 +54,7 @@ public:
 
 private:
     static constexpr int kNodes = 512, kRows = 64, kColumns = 96;
+    double cone_deg_ = 0;
     std::vector<double> tangential_;
     std::vector<float> moment_;
     double gram_scale_ = 1, uniform_moment_ = 0;

@@ -7,13 +7,11 @@
 #include "libs/parallel/parallel.h"
 
 namespace kiln {
-namespace {
-// Not the entity's number in the file, which lights nothing.
+
 std::uint64_t light_id(Light light) {
     light.entity = {};
     return hash_of(light).low;
 }
-} // namespace
 
 // Before the rows of new patches.
 void Bake::open_memo() {
@@ -22,7 +20,7 @@ void Bake::open_memo() {
         for (const Light& l : lights_) light_ids_.push_back(light_id(l));
         ByteWriter w;
         w(options_, sealed_, scene_.instruction_set(), emitters_.of_face);
-        for (std::size_t c = 0; c < cones_.size(); ++c) w(cones_[c] ? cone_deg_[c] : -1.0);
+        for (const auto& cone : cones_) w(cone ? cone->cone_deg() : -1.0);
         geometry_ = hash_bytes(w.bytes).low;
         w(sky_radiance(lights_));
         for (const Emitter& e : emitters_.emitters) // those of faces that may have no patch to show what they shine

@@ -11,6 +11,17 @@
 
 namespace kiln {
 
+std::uint32_t Bake::code_at(const SceneHit& hit) const {
+    const std::uint32_t code = patch_at(surfaces_, index_, patches_.texel_patch, patches_.piece_patch, patches_.face_patch, hit.face, hit.position);
+    if (code != kNoPatch) return code;
+    const std::uint32_t emitter = emitters_.of_face[hit.face.at()];
+    return emitter != UINT32_MAX ? kHitEmitter | emitter : kHitBlack;
+}
+
+std::uint32_t Bake::emitter_of(std::uint32_t code) const {
+    return is_patch(code) ? patch_emitter_[code] : code < kHitPanes ? code & ~kHitEmitter : UINT32_MAX;
+}
+
 void Bake::trace_rows() {
     const std::uint32_t m = quality_.row_rays;
     const std::size_t n = patches_.patches.size();
@@ -120,11 +131,7 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
                 out[p] += emission_through_panes(p * m + i, static_cast<std::uint32_t>(p), only_unlisted);
                 continue;
             }
-            std::uint32_t emitter = UINT32_MAX;
-            if (is_patch(hit))
-                emitter = patch_emitter_[hit];
-            else if (hit < kHitPanes)
-                emitter = hit & ~kHitEmitter;
+            const std::uint32_t emitter = emitter_of(hit);
             if (emitter == UINT32_MAX) continue;
             if (only_unlisted && listed(static_cast<std::uint32_t>(p), emitter)) continue;
             out[p] += emitters_.emitters[emitter].radiance;
@@ -134,7 +141,7 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
     return out;
 }
 
-// Until the bound on the error is below the share `iteration` of the largest value.
+// Until the bound on the error is below the share `iteration` of the mean.
 std::vector<Rgbd> Bake::solve(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho,
                               std::uint32_t* iterations, double* residual) {
     Bounces solved = solve_bounces(direct, rho, quality_.iteration, context_, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {

@@ -6,17 +6,6 @@
 
 namespace kiln {
 
-std::uint32_t Bake::code_at(const SceneHit& hit) const {
-    const std::uint32_t code = patch_at(surfaces_, index_, patches_.texel_patch, patches_.piece_patch, patches_.face_patch, hit.face, hit.position);
-    if (code != kNoPatch) return code;
-    const std::uint32_t emitter = emitters_.of_face[hit.face.at()];
-    return emitter != UINT32_MAX ? kHitEmitter | emitter : kHitBlack;
-}
-
-std::uint32_t Bake::emitter_of(std::uint32_t code) const {
-    return is_patch(code) ? patch_emitter_[code] : code < kHitPanes ? code & ~kHitEmitter : UINT32_MAX;
-}
-
 // The hit `code` of a ray becomes kHitPanes if it crosses any, and is kept with them.
 void Bake::note_panes(std::uint64_t ray, Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t& code, PaneRays& out) const {
     thread_local std::vector<PaneHit> panes;

@@ -1,10 +1,10 @@
 #include "compiler/surfaces/adjacency.h"
 #include "libs/core/check.h"
+#include "libs/core/union_find.h"
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 #include <span>
 #include <tuple>
 
@@ -21,22 +21,6 @@ double air_angle(const Surfaces& s, std::uint32_t f, std::uint32_t g, Vec3 direc
     if (angle < 1e-9) angle += 2 * std::numbers::pi;
     return angle;
 }
-
-class UnionFind {
-public:
-    explicit UnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), 0u); }
-    std::uint32_t find(std::uint32_t x) {
-        while (parent_[x] != x) x = parent_[x] = parent_[parent_[x]];
-        return x;
-    }
-    void join(std::uint32_t a, std::uint32_t b) {
-        a = find(a), b = find(b);
-        if (a != b) parent_[std::max(a, b)] = std::min(a, b); // the root is the smallest
-    }
-
-private:
-    std::vector<std::uint32_t> parent_;
-};
 
 struct Edge { // between a vertex and a greater one
     std::uint32_t hi;

@@ -3,11 +3,11 @@
 // Source   the bound: D. Filip, R. Magedson, R. Markot, "Surface algorithms using bounds on derivatives", CAGD 3, 1986
 #include "compiler/surfaces/curves.h"
 #include "libs/core/check.h"
+#include "libs/core/union_find.h"
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <fmt/format.h>
-#include <numeric>
 #include <unordered_map>
 
 namespace kiln {
@@ -58,8 +58,7 @@ public:
         for (const WorldPatch& p : world_.patches)
             first_strip_.push_back(first_strip_.back() + (p.grid.columns - 1) / 2 + (p.grid.rows - 1) / 2);
         divisions_.assign(first_strip_.back(), 1);
-        parent_.resize(divisions_.size());
-        std::iota(parent_.begin(), parent_.end(), 0u);
+        UnionFind alike(divisions_.size());
         std::map<std::tuple<ModelId, Key, Key, Key>, std::uint32_t> borders;
         for (std::uint32_t p = 0; p < world_.patches.size(); ++p) {
             const DocPatch& g = world_.patches[p].grid;
@@ -70,7 +69,7 @@ public:
                 if (k[0] == k[2] && k[0] == k[1]) return; // a pole is no curve
                 if (k[2] < k[0]) std::swap(k[0], k[2]);
                 const auto [it, fresh] = borders.try_emplace({world_.patches[p].model, k[0], k[1], k[2]}, strip);
-                if (!fresh) join(it->second, strip);
+                if (!fresh) alike.join(it->second, strip);
             };
             for (std::uint32_t j = 0; j < high; ++j)
                 for (std::uint32_t i = 0; i < wide; ++i) {
@@ -85,8 +84,8 @@ public:
                     border(first_strip_[p] + wide + j, {column, column, column}, {2 * j, 2 * j + 1, 2 * j + 2});
         }
         std::vector<std::uint32_t> most(divisions_.size(), 1);
-        for (std::uint32_t s = 0; s < divisions_.size(); ++s) most[find(s)] = std::max(most[find(s)], divisions_[s]);
-        for (std::uint32_t s = 0; s < divisions_.size(); ++s) divisions_[s] = most[find(s)];
+        for (std::uint32_t s = 0; s < divisions_.size(); ++s) most[alike.find(s)] = std::max(most[alike.find(s)], divisions_[s]);
+        for (std::uint32_t s = 0; s < divisions_.size(); ++s) divisions_[s] = most[alike.find(s)];
     }
 
     double move(std::uint32_t p, std::uint32_t column, std::uint32_t row) const { // of a control point, map units
@@ -135,7 +134,7 @@ public:
 private:
     const World& world_;
     double flatness_;
-    std::vector<std::uint32_t> first_strip_, divisions_, parent_; // per patch: its columns of pieces, then its rows
+    std::vector<std::uint32_t> first_strip_, divisions_; // per patch: its columns of pieces, then its rows
     struct Hash {
         std::size_t operator()(const std::pair<std::uint32_t, Key>& k) const {
             std::uint64_t h = k.first;
@@ -162,14 +161,6 @@ private:
         std::array<std::uint32_t, 2> n = bezier_divisions(b, flatness_);
         if (n[0] > kMostDivisions || n[1] > kMostDivisions) ++capped, capped_patch = p;
         return {std::min(n[0], kMostDivisions), std::min(n[1], kMostDivisions)};
-    }
-    std::uint32_t find(std::uint32_t s) {
-        while (parent_[s] != s) s = parent_[s] = parent_[parent_[s]];
-        return s;
-    }
-    void join(std::uint32_t a, std::uint32_t b) {
-        a = find(a), b = find(b);
-        parent_[std::max(a, b)] = std::min(a, b);
     }
 };
 

@@ -36,25 +36,6 @@ TEST(Bake, FurnaceIsPiEverywhere) {
     for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(sum[c], kPi, 0.005 * kPi);
 }
 
-namespace {
-
-Light point_light(Vec3 at, Rgb intensity) {
-    Light l;
-    l.position = at, l.intensity = intensity;
-    return l;
-}
-std::size_t texel_of(const Surfaces& s, const Luxel& l) {
-    const Chart& c = s.charts[l.chart.at()];
-    return c.first_texel + l.y * c.width + l.x;
-}
-Vec3 center_of(const Surfaces& s, const Luxel& l) {
-    const Chart& c = s.charts[l.chart.at()];
-    const Vec2 at = centroid_of(s, l);
-    return c.origin + (c.s * at.x + c.t * at.y) * c.luxel_size;
-}
-
-} // namespace
-
 // E = I cos / r^2.
 TEST(Bake, PointLightOnABlackFloor) {
     SurfacesBuilder scene;

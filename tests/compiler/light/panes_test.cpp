@@ -50,20 +50,6 @@ FaceId pane(SurfacesBuilder& b, Vec3 corner, Vec3 u, Vec3 v, MaterialId m, doubl
     return face;
 }
 
-std::size_t texel_of(const Surfaces& s, const Luxel& l) {
-    const Chart& c = s.charts[l.chart.at()];
-    return c.first_texel + l.y * c.width + l.x;
-}
-Vec3 center_of(const Surfaces& s, const Luxel& l) {
-    const Chart& c = s.charts[l.chart.at()];
-    const Vec2 at = centroid_of(s, l);
-    return c.origin + (c.s * at.x + c.t * at.y) * c.luxel_size;
-}
-Light lamp_at(Vec3 at, Rgb intensity) {
-    Light l;
-    l.position = at, l.intensity = intensity;
-    return l;
-}
 Light sun(Vec3 way, Rgb intensity = {1, 1, 1}, double radius = 0) {
     Light l;
     l.kind = LightKind::sun, l.direction = normalize(way), l.intensity = intensity, l.angular_radius_rad = radius;
@@ -77,7 +63,7 @@ std::unique_ptr<Baked> over_a_floor(Lamp lamp, const std::function<void(Surfaces
     b.rect({-128, -128, 0}, {256, 0, 0}, {0, 256, 0}, b.material({}), {.luxel = luxel});
     std::vector<Light> lights;
     if (lamp == Lamp::face) b.rect({-16, -16, 128}, {0, 32, 0}, {32, 0, 0}, b.material({}, {100, 100, 100}), {.luxel = 16});
-    if (lamp == Lamp::point) lights.push_back(lamp_at({8, 8, 128}, {4096, 4096, 4096}));
+    if (lamp == Lamp::point) lights.push_back(point_light({8, 8, 128}, {4096, 4096, 4096}));
     if (lamp == Lamp::sun) lights.push_back(sun({0, 0, -1}));
     put(b);
     options.seed = seed;

@@ -7,12 +7,7 @@
 namespace kiln::test {
 namespace {
 
-Light point(Vec3 position, Rgb intensity) {
-    Light l;
-    l.position = position, l.intensity = intensity;
-    return l;
-}
-const std::vector<Light> kLamps{point({60, 60, 120}, {3e3f, 3e3f, 2e3f}), point({250, 60, 100}, {1e3f, 2e3f, 1e3f}), point({290, 290, 40}, {500, 100, 100})};
+const std::vector<Light> kLamps{point_light({60, 60, 120}, {3e3f, 3e3f, 2e3f}), point_light({250, 60, 100}, {1e3f, 2e3f, 1e3f}), point_light({290, 290, 40}, {500, 100, 100})};
 const LightOptions kOptions{.error_percent = 20, .directional = Directional::all};
 
 Bytes baked(SurfacesBuilder scene, const std::vector<Light>& lights, LightMemo* memo, LightOptions options = kOptions, int threads = 1) {
@@ -51,13 +46,13 @@ std::vector<Edit> edits() {
     all.push_back(e);
     e = {.name = "moved"}, e.lights[2].position.x -= 30;
     all.push_back(e);
-    e = {.name = "one more"}, e.lights.insert(e.lights.begin(), point({100, 250, 100}, {400, 400, 400}));
+    e = {.name = "one more"}, e.lights.insert(e.lights.begin(), point_light({100, 250, 100}, {400, 400, 400}));
     all.push_back(e);
     e = {.name = "one less"}, e.lights.erase(e.lights.begin());
     all.push_back(e);
     e = {.name = "none"}, e.lights.clear();
     all.push_back(e);
-    e = {.name = "sky"}, e.lights.push_back(point({}, {1, 1, 1})), e.lights.back().kind = LightKind::sky;
+    e = {.name = "sky"}, e.lights.push_back(point_light({}, {1, 1, 1})), e.lights.back().kind = LightKind::sky;
     all.push_back(e);
     e = {.name = "emission"}, e.lamp = {30, 20, 20};
     all.push_back(e);
@@ -123,7 +118,7 @@ TEST(Relight, FarRoomsAreTakenOver) {
         if (r > 0) holes[0] = {Rect{left, 0, left + 20, 40}};
         if (r + 1 < kRooms) holes[1] = {Rect{right, 0, right + 20, 40}};
         scene.room({{x, 0, 0}, {x + 200, 200, 96}}, all(grey), {.luxel = 20}, holes);
-        lamps.push_back(point({x + 100, 100, 80}, {500, 500, 500}));
+        lamps.push_back(point_light({x + 100, 100, 80}, {500, 500, 500}));
     }
     LightMemo memo = empty_memo();
     (void)baked(scene, lamps, &memo);

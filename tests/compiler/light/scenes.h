@@ -53,6 +53,21 @@ inline SurfacesBuilder two_rooms(double luxel = 10) {
     return b;
 }
 
+inline std::size_t texel_of(const Surfaces& s, const Luxel& l) {
+    const Chart& c = s.charts[l.chart.at()];
+    return c.first_texel + l.y * c.width + l.x;
+}
+inline Vec3 center_of(const Surfaces& s, const Luxel& l) {
+    const Chart& c = s.charts[l.chart.at()];
+    const Vec2 at = centroid_of(s, l);
+    return c.origin + (c.s * at.x + c.t * at.y) * c.luxel_size;
+}
+inline Light point_light(Vec3 at, Rgb intensity) {
+    Light l;
+    l.position = at, l.intensity = intensity;
+    return l;
+}
+
 struct Baked {
     SurfacesBuilder scene;
     std::vector<Light> lights;
