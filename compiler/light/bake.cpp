@@ -22,7 +22,7 @@ constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 Quality Quality::of(const LightOptions& options) {
     Quality q;
     const double e = std::clamp(options.error_percent, 0.1, 50.0);
-    q.patch_size = 56 * std::sqrt(e / 5);
+    q.patch_size = 63 * std::sqrt(e / 5);
     q.promotion = 0.001 * e;
     q.light_cutoff = 0.001 * e;
     q.direct_samples = e <= 1.5 ? 32 : e <= 2.5 ? 16 : e <= 6 ? 8 : e <= 12 ? 4 : 2;
