@@ -97,9 +97,7 @@ Bake::Bake(const World& world, const Surfaces& surfaces, const std::vector<Light
            const LightOptions& options, LightMemo* memo, Context& context)
     : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(sealed), memo_(memo), context_(context),
       quality_(Quality::of(options)), scene_(world, surfaces), index_(surfaces),
-      emitters_(world, surfaces, sky_radiance(lights)) {
-    if (scene_.has_panes()) memo_ = nullptr; // what rays look at on their way through is not noted
-}
+      emitters_(world, surfaces, sky_radiance(lights)) {}
 
 std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
     return mix_place(p, options_.seed, pass);
