@@ -91,3 +91,39 @@ TEST(Emitters, SamplesAddUpToTheFormFactor) {
             EXPECT_GE(set.bound(0, x, n) + 1e-12, set.form_factor(0, x, n));
         }
 }
+
+// Points drawn one by one bring what the polygon does, and what its visible half does, on the average over seeds: however few of them, by
+// whichever share parts are chosen.
+TEST(Emitters, PointsOneByOneAreRightOnTheAverage) {
+    struct Case {
+        Vec3 corner, u, v; // faces down or towards -x
+    };
+    for (const Case& c : {Case{{-8, -8, 20}, {0, 16, 0}, {16, 0, 0}}, Case{{-8, -8, 4}, {0, 16, 0}, {16, 0, 0}}, Case{{-1, -60, 5}, {0, 120, 0}, {60, 0, 0}}, Case{{3, -20, -10}, {0, 0, 30}, {0, 40, 0}}}) {
+        SurfacesBuilder b;
+        b.rect(c.corner, c.u, c.v, b.material({}, {1, 1, 1}));
+        const EmitterSet set(b.world, b.surfaces, {});
+        ASSERT_EQ(set.emitters.size(), 1u);
+        const Vec3 x{}, n{0, 0, 1}, half = c.corner + c.u * 0.5;
+        const double exact = set.form_factor(0, x, n);
+        const double exact_half = lambert_form_factor(x, n, Polygon{c.corner, half, half + c.v, c.corner + c.v});
+        ASSERT_GT(exact, 0);
+        for (const auto share : {EmitterSet::Share::cosine, EmitterSet::Share::solid})
+            for (const std::uint32_t samples : {1u, 8u}) {
+                double sum = 0, sum_half = 0, square = 0;
+                constexpr int kSeeds = 5000;
+                for (int seed = 0; seed < kSeeds; ++seed) {
+                    const Sobol points(mix(static_cast<std::uint64_t>(seed)));
+                    double one = 0;
+                    set.sample(0, x, n, 0, samples, points, 2e-4, EmitterSet::Arrival::each, share, [&](Vec3 y, Vec3 flux) {
+                        const double arrives = std::max(0.0, dot(flux, n)) / std::numbers::pi;
+                        one += arrives;
+                        if (dot(y - c.corner, c.u) < 0.5 * dot(c.u, c.u)) sum_half += arrives / kSeeds;
+                    });
+                    sum += one / kSeeds, square += one * one / kSeeds;
+                }
+                const double noise = std::sqrt(std::max(0.0, square - sum * sum) / kSeeds);
+                EXPECT_NEAR(sum, exact, 5 * noise + 1e-3 * exact) << c.corner.z << " " << samples;
+                EXPECT_NEAR(sum_half, exact_half, 5 * noise + 1e-3 * exact) << c.corner.z << " " << samples;
+            }
+    }
+}

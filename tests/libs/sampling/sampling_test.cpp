@@ -118,6 +118,36 @@ TEST(Maps, TriangleIsUniform) {
     EXPECT_NEAR(bb / n, 1.0 / 6, 1e-4);
 }
 
+// Directions lie in the triangle, and their mean is that of the triangle: half the sum over its edges of angle times normal (Lambert).
+TEST(Maps, SphericalTriangleIsUniform) {
+    const std::vector<std::array<Vec3, 3>> triangles{{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, {{{5, 0, 1}, {-3, 4, 1}, {-3, -4, 1}}}, {{{0, 0, 9}, {1, 0, 9}, {0, 1, 9}}}, {{{1, 2, 30}, {2, 2, 30}, {9, 2.2, 30}}}};
+    for (const auto& [a, b, c] : triangles) {
+        const SphericalTriangle triangle(a, b, c);
+        const std::array<Vec3, 3> corner{normalize(a), normalize(b), normalize(c)};
+        const Vec3 middle = corner[0] + corner[1] + corner[2];
+        Vec3 exact;
+        for (std::size_t i = 0; i < 3; ++i) {
+            const Vec3 across = cross(corner[i], corner[(i + 1) % 3]);
+            exact += across * (std::atan2(length(across), dot(corner[i], corner[(i + 1) % 3])) / (2 * length(across)));
+        }
+        if (dot(exact, middle) < 0) exact = -exact;
+        const Sobol points(3);
+        Vec3 sum;
+        constexpr std::uint32_t n = 1u << 14;
+        for (std::uint32_t k = 0; k < n; ++k) {
+            const Vec3 d = triangle.direction(points.pair(k, 0));
+            ASSERT_NEAR(length(d), 1, 1e-12);
+            for (std::size_t i = 0; i < 3; ++i) {
+                const Vec3 side = normalize(cross(corner[i], corner[(i + 1) % 3]));
+                ASSERT_GE(dot(d, side) * (dot(side, middle) > 0 ? 1 : -1), -1e-9);
+            }
+            sum += d * (triangle.solid_angle() / n);
+        }
+        EXPECT_NEAR(length(sum - exact), 0, 2e-5 * length(exact));
+    }
+    EXPECT_NEAR(SphericalTriangle({1, 0, 0}, {0, 1, 0}, {0, 0, 1}).solid_angle(), std::numbers::pi / 2, 1e-14);
+}
+
 TEST(Maps, HammersleyCoversTheSquare) {
     std::vector<int> count(256);
     for (std::uint32_t i = 0; i < 256; ++i) {
