@@ -227,7 +227,7 @@ private:
     Footprint footprint_of_luxel(std::uint32_t luxel) const;
     std::uint64_t seed_at(Vec3 point, std::uint64_t pass) const;
     Vec3 luxel_centroid(const Luxel& luxel) const;
-    ReflectedLight reflected_light(const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total) const;
+    ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const;
     ReflectedLight coarse_light(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
     void fill();
     HemisphereMap map_of(ChartId chart) const;
