@@ -1,8 +1,10 @@
 #include "compiler/compile.h"
 #include "compiler/light/memo.h"
 #include "compiler/stage.h"
+#include "compiler/visibility/shut.h"
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cmath>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -192,21 +194,32 @@ double sight_radius(const World& world, Context& context) {
     return farthest;
 }
 // The visibility stage, taken up where an earlier run was stopped; what it came to is kept where it is stopped again.
-Result<Visibility> see(Hash key, const VisibilityOptions& options, const CompileRun& run, Context& context, Compiled& out) {
+Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const VisibilityOptions& options, const CompileRun& run, Context& context, Compiled& out) {
     const bool keeps = run.store && run.store->enabled() && !options.fast;
-    const Hash place = all(std::string("visibility in progress, 2"), key);
-    VisibilityProgress progress;
+    const Hash place = all(std::string("visibility in progress, 3"), key);
+    std::array<VisibilityProgress, 2> progress; // area portals open, and shut
+    const auto begin = std::chrono::steady_clock::now();
     if (keeps)
         if (const auto bytes = run.store->load(place)) try {
-                progress = from_bytes<VisibilityProgress>(*bytes);
+                progress = from_bytes<std::array<VisibilityProgress, 2>>(*bytes);
             } catch (const ArchiveError&) {
                 progress = {};
             }
     const auto keep = [&] {
-        if (keeps && progress.begun) (void)run.store->save(place, to_bytes(progress)); // not kept: the next run begins anew
+        if (keeps && progress[0].begun) (void)run.store->save(place, to_bytes(progress)); // not kept: the next run begins anew
     };
     try {
-        auto v = compute_visibility(out.portals, out.bsp.cluster_count, options, context, {.seconds = run.visibility_seconds, .progress = &progress, .stopped = &out.visibility_stopped});
+        auto v = compute_visibility(out.portals, out.bsp.cluster_count, options, context, {.seconds = run.visibility_seconds, .progress = &progress[0], .stopped = &out.visibility_stopped});
+        if (v && !shut.empty()) {
+            VisibilityOptions rest = options;
+            if (rest.total_budget) rest.total_budget = std::max<std::uint64_t>(1, rest.total_budget - std::min(rest.total_budget, v->steps));
+            const double left = run.visibility_seconds - std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+            bool stopped = false;
+            auto rows = shut_rows(out.bsp, shut, *v, !out.visibility_stopped, rest, context,
+                                  {.seconds = run.visibility_seconds > 0 ? std::max(left, 1e-6) : 0, .progress = &progress[1], .stopped = &stopped});
+            if (!rows) return rows.fault();
+            v->shut = *std::move(rows), out.visibility_stopped = out.visibility_stopped || stopped;
+        }
         if (out.visibility_stopped) keep();
         if (v && !v->loose.empty()) {
             const VisPortal& p = out.portals[v->loose[0]];
@@ -298,9 +311,19 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
 
     VisibilityOptions sight = options.visibility;
     if (sight.radius < 0) sight.radius = sight_radius(world, context);
-    const Hash seen_from = all(out.portals, out.bsp.cluster_count, sight);
-    const auto visibility = stages.run(Stage::visibility, 3, seen_from, places, out.visibility, [&] { return see(seen_from, sight, run, context, out); }, [&] { return !out.visibility_stopped; });
+    const std::vector<std::uint8_t> shut = shut_leaves(out.csg, out.bsp);
+    std::vector<std::uint32_t> areas; // of leaves and clusters, where there is anything to shut
+    for (std::size_t l = 0; l < out.bsp.leaves.size() && !shut.empty(); ++l) areas.push_back(out.bsp.leaves[l].area), areas.push_back(out.bsp.leaves[l].cluster.value);
+    if (!shut.empty())
+        for (const AreaPortal& p : out.bsp.area_portals) areas.insert(areas.end(), p.areas.begin(), p.areas.end());
+    const Hash seen_from = all(out.portals, out.bsp.cluster_count, sight, shut, areas);
+    const auto visibility = stages.run(Stage::visibility, 4, seen_from, places, out.visibility, [&] { return see(seen_from, shut, sight, run, context, out); }, [&] { return !out.visibility_stopped; });
     if (!visibility) return visibility.fault();
+    if (options.vis_merge >= 0) {
+        out.merged = merge_clusters(out.visibility, out.bsp, options.vis_merge, context);
+        context.report(Severity::note, "vis-merge", fmt::format("{} clusters are {} now; a leaf sees {:.1f} leaves on average, {:.1f} without", out.merged->of.size(), out.merged->visibility.cluster_count,
+                                                                out.merged->mean_after, out.merged->mean_before), {.file = world.file});
+    }
     if (done(Stage::visibility)) return true;
 
     out.lights = read_lights(world, context);
@@ -344,7 +367,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
 
     const auto packed = stages.run_always(Stage::pack, out.level, [&]() -> Result<Bytes> {
         const PackInput content{world, out.csg, out.bsp, out.visibility, out.surfaces, out.lights, out.lighting, out.ambient, out.probes,
-                                options_json(options), to_hex(all(files, hash_of(world.materials))), kVersion, &out.density};
+                                options_json(options), to_hex(all(files, hash_of(world.materials))), kVersion, &out.density, out.merged ? &*out.merged : nullptr};
         return pack(content, {.zstd_level = options.zstd_level, .strip = options.strip}, context);
     });
     if (!packed) return packed;
@@ -356,7 +379,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
 std::string options_json(const CompileOptions& o) {
     static constexpr const char* kEncodings[] = {"dot", "sq", "tilted"};
     static constexpr const char* kDirectional[] = {"needed", "all", "none"};
-    const nlohmann::ordered_json j = {
+    nlohmann::ordered_json j = {
         {"world", {{"lightmap_scale", o.world.lightmap_scale}}},
         {"csg", {{"plane_merge_distance", o.csg.plane_merge_distance}, {"grid_bits", o.csg.grid_bits}}},
         {"bsp", {{"allow_leaks", o.bsp.allow_leaks}, {"micro_gap", o.bsp.micro_gap}}},
@@ -372,6 +395,7 @@ std::string options_json(const CompileOptions& o) {
         {"pack", {{"zstd_level", o.zstd_level}, {"strip", o.strip}}},
         {"assemble", {{"cordon", o.assemble.cordon}}},
         {"density", {{"error_percent", o.density.error_percent}, {"error_floor", o.density.error_floor}}}};
+    if (o.vis_merge >= 0) j["visibility"]["merge_percent"] = o.vis_merge;
     return j.dump();
 }
 

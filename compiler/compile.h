@@ -39,8 +39,9 @@ struct CompileOptions {
     bool strip = false;
     AssembleOptions assemble;
     DensityOptions density;
+    double vis_merge = -1; // percent more leaves that a leaf may see where clusters are joined; below 0: none are
     template <class A> void fields(A& a) {
-        a(world, csg, bsp, visibility, surfaces, light, ambient, probes, zstd_level, strip, assemble, density);
+        a(world, csg, bsp, visibility, surfaces, light, ambient, probes, zstd_level, strip, assemble, density, vis_merge);
     }
 };
 std::string options_json(const CompileOptions& options); // stable text, recorded in the level
@@ -68,6 +69,7 @@ struct Compiled {
     std::vector<Leak> leaks;
     std::vector<VisPortal> portals;
     Visibility visibility;
+    std::optional<MergedClusters> merged; // where asked for: as the level has them; all else here is numbered as before
     bool visibility_stopped = false; // time was up: unfinished portals keep loose sets
     Surfaces surfaces;
     std::vector<Light> lights;

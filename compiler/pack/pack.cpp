@@ -77,7 +77,7 @@ void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush
         const BspLeaf& l = in.bsp.leaves[i];
         level::Leaf leaf;
         leaf.contents = static_cast<std::uint8_t>(l.contents);
-        leaf.cluster = l.cluster.valid() ? static_cast<std::int32_t>(l.cluster.value) : -1;
+        leaf.cluster = !l.cluster.valid() ? -1 : static_cast<std::int32_t>(in.merged ? in.merged->of[l.cluster.at()] : l.cluster.value);
         leaf.area = l.area;
         leaf.probe = i < in.probes.leaf_probe.size() ? in.probes.leaf_probe[i] : UINT32_MAX;
         leaf.lo = floats_below(l.bounds.lo), leaf.hi = floats_above(l.bounds.hi);
@@ -101,8 +101,10 @@ void add_tree(const PackInput& in, const std::vector<std::uint32_t>& level_brush
         for (const Vec3 x : p.winding) portal.winding.push_back(floats(x));
         out.portals.push_back(std::move(portal));
     }
-    out.cluster_count = in.visibility.cluster_count;
-    out.vis_rows = in.visibility.rows;
+    const Visibility& seen = in.merged ? in.merged->visibility : in.visibility; // lists of faces stay those of the leaves alone
+    out.cluster_count = seen.cluster_count;
+    out.vis_rows = seen.rows;
+    out.shut_rows = seen.shut;
 }
 
 // Numbered as World::name_of does.

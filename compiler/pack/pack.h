@@ -10,7 +10,7 @@
 #include "compiler/density/density.h"
 #include "compiler/light/light.h"
 #include "compiler/probes/probes.h"
-#include "compiler/visibility/visibility.h"
+#include "compiler/visibility/merge.h"
 #include "formats/level/level_writer.h"
 
 namespace kiln {
@@ -27,6 +27,7 @@ struct PackInput {
     const Probes& probes;
     std::string options_json, input_hash, version;
     const Density* density = nullptr; // none, or without grids: all charts at full density
+    const MergedClusters* merged = nullptr; // none: leaves keep their clusters
 };
 // What a level calls a file that the map brings in: where it lies beside the map, not where on this machine.
 std::string name_beside(const std::string& map, const std::string& file);

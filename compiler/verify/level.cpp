@@ -199,6 +199,13 @@ private:
             if (a >= 0 && b >= 0)
                 vis.expect(sees(static_cast<std::size_t>(a), static_cast<std::size_t>(b)), [&] { return found(fmt::format("clusters {} and {} share a portal, but do not see each other", a, b)); });
         }
+        std::vector<std::uint64_t> shut(words);
+        for (std::int32_t c = 0; c < clusters; ++c) {
+            if (!vis.expect(kiln_level_read_shut_row(l.get(), c, shut.data(), words) == KILN_OK, [&] { return found(fmt::format("cluster {} has no row for shut area portals", c)); })) return;
+            bool held = shut[static_cast<std::size_t>(c) / 64] >> (c % 64) & 1;
+            for (std::size_t w = 0; w < words; ++w) held = held && !(shut[w] & ~rows[static_cast<std::size_t>(c)][w]);
+            vis.expect(held, [&] { return found(fmt::format("cluster {} sees more while area portals are shut than when they are open, or not itself", c)); });
+        }
     }
 
     // Solid leaves are where structural brushes are, and leaves list the brushes in them.

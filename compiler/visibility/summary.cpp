@@ -1,13 +1,31 @@
 #include "compiler/visibility/summary.h"
 #include "compiler/visibility/directed.h"
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
 namespace kiln {
+
+namespace {
+
+// A corner that turns the other way counts where it goes back by more than `dent`; corners of decimals waver on straight edges.
+bool convex(const std::vector<Vec3>& w, Vec3 normal, double dent) {
+    double turned = 0;
+    for (std::size_t i = 0; i < w.size(); ++i) {
+        const Vec3 in = w[(i + 1) % w.size()] - w[i], on = w[(i + 2) % w.size()] - w[(i + 1) % w.size()];
+        const double sine = dot(cross(in, on), normal), cosine = dot(in, on);
+        if (sine < -dent * std::max(length(in), length(on))) return false;
+        turned += std::abs(std::atan2(sine, cosine));
+    }
+    return turned < 3 * std::numbers::pi; // once around: two of them
+}
+
+} // namespace
 
 FilePortals vis_portals(const PortalFile& file) {
     FilePortals out;
     out.portals.reserve(file.portals.size());
-    for (const FilePortal& p : file.portals) out.portals.push_back({p.front, p.back, p.winding});
+    for (const FilePortal& p : file.portals) out.portals.push_back({p.front, p.back, p.winding}), out.hint.push_back(p.hint);
 
     const vis::DirectedPortals all = vis::directed_portals(out.portals);
     const std::span<const vis::Directed> directed = all.ways;
@@ -19,6 +37,8 @@ FilePortals vis_portals(const PortalFile& file) {
         if (!d.has_plane) ++out.without_area;
         else
             for (const Vec3& v : out.portals[i].winding) out.flatness = std::max(out.flatness, std::abs(d.plane.at(v)));
+        // 2i looks away from the side from which the winding is counter-clockwise.
+        if (d.has_plane && !convex(out.portals[i].winding, -d.plane.normal, VisibilityOptions{}.epsilon) && out.not_convex++ == 0) out.first_not_convex = i;
     }
     std::uint64_t right = 0, wrong = 0;
     for (std::uint32_t i = 0; i < out.portals.size(); ++i)

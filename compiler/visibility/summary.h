@@ -10,9 +10,11 @@ namespace kiln {
 // visible pairs invisible; it is turned, and `turned` says so.
 struct FilePortals {
     std::vector<VisPortal> portals;
+    std::vector<std::uint8_t> hint; // of each
     bool turned = false;
     double flatness = 0;           // map units: farthest that a point lies from the plane of its portal
     std::uint32_t without_area = 0; // portals that no plane can be told of
+    std::uint32_t not_convex = 0, first_not_convex = 0; // portals whose windings dent by more than epsilon, or go around more than once
 };
 FilePortals vis_portals(const PortalFile& file);
 

@@ -357,6 +357,12 @@ void check_invariants(const Visibility& v, Checker& checker) {
         if (v.cluster_count % 64)
             rows.expect(v.rows[a * words + words - 1] >> (v.cluster_count % 64) == 0, [&] { return Finding{{}, fmt::format("the row of cluster {} has bits beyond the last cluster", a)}; });
     }
+    if (v.shut.empty() || !rows.expect(v.shut.size() == v.rows.size(), [&] { return Finding{{}, "the table of shut area portals does not fit its clusters"}; })) return;
+    for (std::uint32_t a = 0; a < v.cluster_count; ++a) {
+        rows.expect(v.sees_shut(a, a), [&] { return Finding{{}, fmt::format("cluster {} does not see itself while area portals are shut", a)}; });
+        for (std::size_t w = 0; w < words; ++w)
+            rows.expect(!(v.shut[a * words + w] & ~v.rows[a * words + w]), [&] { return Finding{{}, fmt::format("cluster {} sees more while area portals are shut than when they are open", a)}; });
+    }
 }
 
 void validate(const Visibility& v) {

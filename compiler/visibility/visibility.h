@@ -34,10 +34,14 @@ struct Visibility {
     std::vector<std::uint32_t> loose; // portals that the budget left with a loose set on one way at least, ascending
     std::uint64_t steps = 0;          // of the flow, in all
     std::vector<std::uint64_t> rows;  // cluster_count * words_per_row
-    template <class A> void fields(A& a) { a(cluster_count, loose, steps, rows); }
+    std::vector<std::uint64_t> shut;  // the same while area portals are shut (shut.h); empty: none parts areas
+    template <class A> void fields(A& a) { a(cluster_count, loose, steps, rows, shut); }
     std::size_t words_per_row() const { return (cluster_count + 63) / 64; }
     bool sees(std::uint32_t from, std::uint32_t to) const {
         return rows[from * words_per_row() + to / 64] >> (to % 64) & 1;
+    }
+    bool sees_shut(std::uint32_t from, std::uint32_t to) const {
+        return (shut.empty() ? rows : shut)[from * words_per_row() + to / 64] >> (to % 64) & 1;
     }
 };
 

@@ -243,6 +243,13 @@ uint32_t kiln_level_find_leaf(const kiln_level* level, const double point[3]);
 const uint64_t* kiln_level_pvs_row(const kiln_level* level, int32_t cluster, size_t* words);
 /* The same into the caller's memory, decompressing one block of rows only. */
 kiln_status kiln_level_read_pvs_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words);
+/* The same while all area portals around the cluster's area are shut: clusters of that area, and the leaves of those portals.
+ * Held in the PVS row. The PVS row itself for clusters in no area or in several, and in levels without area portals or of older
+ * compilers. */
+kiln_status kiln_level_read_shut_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words);
+/* The same with some open, a byte for each of kiln_level_area_portals, 0: shut: the shut row while none that leads out of the
+ * cluster's area is open, else what of the PVS row lies in areas that open ones lead to, one after the other. */
+kiln_status kiln_level_read_door_row(const kiln_level* level, int32_t cluster, const uint8_t* open, uint64_t* row, size_t words);
 /* Potentially audible: what is seen by something that the cluster sees, its own PVS included. Put together from the
  * rows of the PVS; nothing more is stored. */
 kiln_status kiln_level_read_pas_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words);

@@ -191,17 +191,15 @@ const uint64_t* kiln_level_pvs_row(const kiln_level* level, int32_t cluster, siz
     return rows->data() + v.row_of[static_cast<std::size_t>(cluster)] * v.words;
 }
 
-kiln_status kiln_level_read_pvs_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words) {
-    if (!level || !row || cluster < 0 || static_cast<std::uint32_t>(cluster) >= level->info.clusters)
-        return KILN_BAD_ARGUMENT;
-    const Visibility* v = level->get_visibility();
-    if (!v) return level->fault_of(fourcc("VISR"));
-    if (words < v->words) return KILN_BAD_ARGUMENT;
+namespace {
+
+kiln_status read_row(const Visibility& v, int32_t cluster, uint64_t* row, size_t words) {
+    if (words < v.words) return KILN_BAD_ARGUMENT;
     try {
-        const std::uint32_t r = v->row_of[static_cast<std::size_t>(cluster)], block = r / v->block_rows;
-        const std::size_t n = std::min(v->block_rows, v->unique - block * v->block_rows) * v->words;
-        const Blob raw = decompress(v->blocks[block], n * 8);
-        std::memcpy(row, raw.data() + r % v->block_rows * v->words * 8, v->words * 8);
+        const std::uint32_t r = v.row_of[static_cast<std::size_t>(cluster)], block = r / v.block_rows;
+        const std::size_t n = std::min(v.block_rows, v.unique - block * v.block_rows) * v.words;
+        const Blob raw = decompress(v.blocks[block], n * 8);
+        std::memcpy(row, raw.data() + r % v.block_rows * v.words * 8, v.words * 8);
         return KILN_OK;
     } catch (const Failure& f) {
         return f.status;
@@ -209,6 +207,62 @@ kiln_status kiln_level_read_pvs_row(const kiln_level* level, int32_t cluster, ui
         return KILN_NO_MEMORY;
     } catch (const std::exception&) {
         return KILN_DAMAGED;
+    }
+}
+
+} // namespace
+
+kiln_status kiln_level_read_pvs_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words) {
+    if (!level || !row || cluster < 0 || static_cast<std::uint32_t>(cluster) >= level->info.clusters)
+        return KILN_BAD_ARGUMENT;
+    const Visibility* v = level->get_visibility();
+    return v ? read_row(*v, cluster, row, words) : level->fault_of(fourcc("VISR"));
+}
+
+kiln_status kiln_level_read_shut_row(const kiln_level* level, int32_t cluster, uint64_t* row, size_t words) {
+    if (!level || !row || cluster < 0 || static_cast<std::uint32_t>(cluster) >= level->info.clusters)
+        return KILN_BAD_ARGUMENT;
+    if (const Visibility* v = level->get_shut_visibility()) return read_row(*v, cluster, row, words);
+    const kiln_status fault = level->fault_of(fourcc("VISS"));
+    return fault == KILN_MISSING ? kiln_level_read_pvs_row(level, cluster, row, words) : fault;
+}
+
+kiln_status kiln_level_read_door_row(const kiln_level* level, int32_t cluster, const uint8_t* open, uint64_t* row, size_t words) {
+    if (!level) return KILN_BAD_ARGUMENT;
+    const Leaves* leaves = level->get_leaves();
+    if (!leaves) return level->fault_of(fourcc("LEAF"));
+    size_t portal_count = 0;
+    const kiln_area_portal* portals = kiln_level_area_portals(level, &portal_count);
+    if (!portals && level->fault_of(fourcc("AREA")) != KILN_MISSING) return level->fault_of(fourcc("AREA"));
+    if (portal_count && !open) return KILN_BAD_ARGUMENT;
+    const auto parts = [](const kiln_area_portal& p) { return p.area[0] != 0 && p.area[0] != p.area[1]; };
+    try {
+        std::vector<std::uint32_t> reached; // areas
+        bool everywhere = false;            // of a portal's own leaf: whatever is open, both its sides are there
+        for (const kiln_leaf& l : leaves->rows)
+            if (l.cluster == cluster) everywhere = everywhere || l.area == 0, reached.push_back(l.area);
+        everywhere = everywhere || reached.empty();
+        const auto is_reached = [&](std::uint32_t area) { return std::find(reached.begin(), reached.end(), area) != reached.end(); };
+        const bool one = !everywhere && std::all_of(reached.begin(), reached.end(), [&](std::uint32_t a) { return a == reached[0]; });
+        bool shut = one && portal_count;
+        for (std::size_t p = 0; p < portal_count; ++p) shut = shut && !(open[p] && parts(portals[p]) && (is_reached(portals[p].area[0]) || is_reached(portals[p].area[1])));
+        if (shut) return kiln_level_read_shut_row(level, cluster, row, words);
+        if (const kiln_status s = kiln_level_read_pvs_row(level, cluster, row, words); s != KILN_OK || everywhere || !portal_count) return s;
+        for (bool more = true; more;) {
+            more = false;
+            for (std::size_t p = 0; p < portal_count; ++p) {
+                if (!open[p] || !parts(portals[p])) continue;
+                const bool a = is_reached(portals[p].area[0]), b = is_reached(portals[p].area[1]);
+                if (a != b) reached.push_back(portals[p].area[a]), more = true;
+            }
+        }
+        std::vector<std::uint64_t> there((std::size_t{level->info.clusters} + 63) / 64, 0);
+        for (const kiln_leaf& l : leaves->rows)
+            if (l.cluster >= 0 && (l.area == 0 || is_reached(l.area))) there[static_cast<std::size_t>(l.cluster) / 64] |= std::uint64_t{1} << (l.cluster % 64);
+        for (std::size_t w = 0; w < there.size(); ++w) row[w] &= there[w];
+        return KILN_OK;
+    } catch (const std::bad_alloc&) {
+        return KILN_NO_MEMORY;
     }
 }
 

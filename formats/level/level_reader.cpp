@@ -184,41 +184,52 @@ const Collision* kiln_level::get_collision() const {
     return collision.get([&](Collision& out) { out = make_collision(*this); });
 }
 
-const Visibility* kiln_level::get_visibility() const {
-    return visibility.get([&](Visibility& v) {
-        const std::size_t entry = find(fourcc("VISR"));
-        if (entry == entries.size()) throw Failure{KILN_MISSING, "the file has no such lump"};
-        const Entry& e = entries[entry];
-        if (e.version != 1 || e.codec != KILN_CODEC_NONE) throw Failure{KILN_UNSUPPORTED, "unknown visibility lump"};
-        Get in(verified(entry));
-        v.words = (info.clusters + std::size_t{63}) / 64;
-        v.unique = in.value<std::uint32_t>(), v.block_rows = in.value<std::uint32_t>();
-        require(v.unique <= info.clusters && v.block_rows > 0, "impossible number of visibility rows");
-        require(info.clusters == 0 || v.unique > 0, "clusters without visibility rows");
-        in.column(v.row_of, info.clusters);
-        for (const std::uint32_t r : v.row_of) require_index(r, v.unique, "a cluster names a row that is not there");
-        const std::size_t blocks = (std::size_t{v.unique} + v.block_rows - 1) / v.block_rows;
-        std::vector<std::uint32_t> sizes;
-        in.column(sizes, blocks);
-        for (std::size_t b = 0; b < blocks; ++b) v.blocks.push_back(in.raw(sizes[b]));
-        in.end();
-    });
+namespace {
+
+void load_rows(const kiln_level& level, std::uint32_t id, Visibility& v) {
+    const std::size_t entry = level.find(id);
+    if (entry == level.entries.size()) throw Failure{KILN_MISSING, "the file has no such lump"};
+    const Entry& e = level.entries[entry];
+    if (e.version != 1 || e.codec != KILN_CODEC_NONE) throw Failure{KILN_UNSUPPORTED, "unknown visibility lump"};
+    Get in(level.verified(entry));
+    v.words = (level.info.clusters + std::size_t{63}) / 64;
+    v.unique = in.value<std::uint32_t>(), v.block_rows = in.value<std::uint32_t>();
+    require(v.unique <= level.info.clusters && v.block_rows > 0, "impossible number of visibility rows");
+    require(level.info.clusters == 0 || v.unique > 0, "clusters without visibility rows");
+    in.column(v.row_of, level.info.clusters);
+    for (const std::uint32_t r : v.row_of) require_index(r, v.unique, "a cluster names a row that is not there");
+    const std::size_t blocks = (std::size_t{v.unique} + v.block_rows - 1) / v.block_rows;
+    std::vector<std::uint32_t> sizes;
+    in.column(sizes, blocks);
+    for (std::size_t b = 0; b < blocks; ++b) v.blocks.push_back(in.raw(sizes[b]));
+    in.end();
 }
 
+void decode_rows(const Visibility* v, const Lazy<Visibility>& lazy, std::vector<std::uint64_t>& rows) {
+    if (!v) throw Failure{lazy.status(), lazy.what()};
+    if (std::uint64_t{v->unique} * v->words * 8 > kMaxRawSize) throw Failure{KILN_TOO_LARGE, "visibility rows over 2 GiB"};
+    for (std::size_t b = 0; b < v->blocks.size(); ++b) {
+        const std::size_t n = std::min<std::size_t>(v->block_rows, v->unique - b * v->block_rows) * v->words;
+        const Blob raw = decompress(v->blocks[b], n * 8);
+        const std::size_t to = rows.size();
+        rows.resize(to + n);
+        if (n) std::memcpy(rows.data() + to, raw.data(), raw.size());
+    }
+}
+
+} // namespace
+
+const Visibility* kiln_level::get_visibility() const {
+    return visibility.get([&](Visibility& v) { load_rows(*this, fourcc("VISR"), v); });
+}
 const std::vector<std::uint64_t>* kiln_level::get_vis_rows() const {
-    return vis_rows.get([&](std::vector<std::uint64_t>& rows) {
-        const Visibility* v = get_visibility();
-        if (!v) throw Failure{visibility.status(), visibility.what()};
-        if (std::uint64_t{v->unique} * v->words * 8 > kMaxRawSize)
-            throw Failure{KILN_TOO_LARGE, "visibility rows over 2 GiB"};
-        for (std::size_t b = 0; b < v->blocks.size(); ++b) {
-            const std::size_t n = std::min<std::size_t>(v->block_rows, v->unique - b * v->block_rows) * v->words;
-            const Blob raw = decompress(v->blocks[b], n * 8);
-            const std::size_t to = rows.size();
-            rows.resize(to + n);
-            if (n) std::memcpy(rows.data() + to, raw.data(), raw.size());
-        }
-    });
+    return vis_rows.get([&](std::vector<std::uint64_t>& rows) { decode_rows(get_visibility(), visibility, rows); });
+}
+const Visibility* kiln_level::get_shut_visibility() const {
+    return shut_visibility.get([&](Visibility& v) { load_rows(*this, fourcc("VISS"), v); });
+}
+const std::vector<std::uint64_t>* kiln_level::get_shut_rows() const {
+    return shut_rows.get([&](std::vector<std::uint64_t>& rows) { decode_rows(get_shut_visibility(), shut_visibility, rows); });
 }
 
 const Mesh* kiln_level::get_mesh() const {
@@ -382,6 +393,7 @@ kiln_status kiln_level_load(const kiln_level* level, size_t i, const char** what
         case fourcc("NODE"): return tell(level->nodes, level->get_nodes());
         case fourcc("LEAF"): return tell(level->leaves, level->get_leaves());
         case fourcc("VISR"): return tell(level->vis_rows, level->get_vis_rows());
+        case fourcc("VISS"): return tell(level->shut_rows, level->get_shut_rows());
         case fourcc("PRTL"): return tell(level->portals, level->get_portals());
         case fourcc("BRSH"): return tell(level->brushes, level->get_brushes());
         case fourcc("MATL"): return tell(level->materials, level->get_materials());

@@ -75,6 +75,8 @@ struct kiln_level {
     mutable Lazy<kiln::level::Leaves> leaves;
     mutable Lazy<kiln::level::Visibility> visibility;
     mutable Lazy<std::vector<std::uint64_t>> vis_rows; // unique rows, decoded
+    mutable Lazy<kiln::level::Visibility> shut_visibility; // while area portals are shut
+    mutable Lazy<std::vector<std::uint64_t>> shut_rows;
     mutable Lazy<kiln::level::Portals> portals;
     mutable Lazy<kiln::level::Brushes> brushes;
     mutable Lazy<kiln::level::Materials> materials;
@@ -111,6 +113,8 @@ struct kiln_level {
     const kiln::level::Leaves* get_leaves() const;
     const kiln::level::Visibility* get_visibility() const;
     const std::vector<std::uint64_t>* get_vis_rows() const;
+    const kiln::level::Visibility* get_shut_visibility() const;
+    const std::vector<std::uint64_t>* get_shut_rows() const;
     const kiln::level::Portals* get_portals() const;
     const kiln::level::Brushes* get_brushes() const;
     const kiln::level::Materials* get_materials() const;

@@ -490,16 +490,16 @@ MeshTables mesh_of(const LevelContent& content, std::uint32_t bits) {
 
 // ---- Visibility: rows that are equal are stored once; blocks of rows are zstd frames of their own, so that one row
 // can be had without the others.
-Blob vis_lump(const LevelContent& content, LumpFile& file) {
+Blob vis_lump(std::size_t clusters, const std::vector<std::uint64_t>& rows, LumpFile& file) {
     constexpr std::size_t kBlockBytes = 64 * 1024;
-    const std::size_t words = (content.cluster_count + std::size_t{63}) / 64;
-    if (content.vis_rows.size() != words * content.cluster_count)
+    const std::size_t words = (clusters + 63) / 64;
+    if (rows.size() != words * clusters)
         throw std::invalid_argument("visibility rows do not fit the number of clusters");
     std::map<std::vector<std::uint64_t>, std::uint32_t> known;
     std::vector<std::uint32_t> row_of;
     Put unique;
-    for (std::size_t c = 0; c < content.cluster_count; ++c) {
-        const auto begin = content.vis_rows.begin() + static_cast<std::ptrdiff_t>(c * words);
+    for (std::size_t c = 0; c < clusters; ++c) {
+        const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(c * words);
         const std::vector<std::uint64_t> row(begin, begin + static_cast<std::ptrdiff_t>(words));
         const auto [it, fresh] = known.try_emplace(row, count(known.size()));
         if (fresh)
@@ -560,7 +560,8 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     file.add("PLNS", lump(planes_of(content), info));
     file.add("NODE", lump(nodes_of(content), info));
     file.add("LEAF", lump(leaves_of(content), info));
-    file.add("VISR", vis_lump(content, file), 0, false);
+    file.add("VISR", vis_lump(content.cluster_count, content.vis_rows, file), 0, false);
+    if (!content.shut_rows.empty()) file.add("VISS", vis_lump(content.cluster_count, content.shut_rows, file), 0, false);
     file.add("PRTL", lump(portals_of(content), info));
     file.add("BRSH", lump(brushes_of(content), info));
     file.add("MATL", lump(materials_of(content), info));

@@ -189,6 +189,7 @@ struct LevelContent {
     std::vector<Leaf> leaves;
     std::uint32_t cluster_count = 0;
     std::vector<std::uint64_t> vis_rows; // cluster_count * ceil(cluster_count/64)
+    std::vector<std::uint64_t> shut_rows; // the same while area portals are shut; empty: none parts areas
     std::vector<Portal> portals;
     std::vector<Brush> brushes;
     std::uint32_t model_count = 1;

@@ -39,6 +39,8 @@ void BakeOptions::add_to(CLI::App& command) {
         ->check(CLI::Range(std::uint64_t{1}, UINT64_MAX))->type_name("N");
     quality->add_option("--vis-radius", compile.visibility.radius, "Nothing is seen farther away, map units; 0: no limit (default: the farz of env_fog_controller, where each has one)")
         ->check(CLI::Range(0.0, 1e9))->type_name("UNITS");
+    quality->add_option("--vis-merge", compile.vis_merge, "Join neighbouring clusters, for smaller tables, as long as no leaf sees so much more leaves than it did; 0: where nothing more is seen (default: none are joined)")
+        ->check(CLI::Range(0.0, 1000.0))->type_name("PERCENT");
     auto* geometry = command.add_option_group("Geometry");
     geometry->add_flag("--allow-leaks", compile.bsp.allow_leaks, "Go on where the world leaks (no outside is removed)");
     geometry->add_option("--micro-gap", compile.bsp.micro_gap, "Openings narrower than this do not leak, map units (default 0.2)")

@@ -83,16 +83,6 @@ Rows dump_portals(const Compiled& c) {
         rows.push_back({{"portal", i}, {"front", c.portals[i].cluster_front}, {"back", c.portals[i].cluster_back}, {"winding", list(c.portals[i].winding)}});
     return rows;
 }
-Rows dump_vis(const Compiled& c) {
-    Rows rows;
-    for (std::uint32_t a = 0; a < c.visibility.cluster_count; ++a) {
-        Json seen = Json::array();
-        for (std::uint32_t b = 0; b < c.visibility.cluster_count; ++b)
-            if (c.visibility.sees(a, b)) seen.push_back(b);
-        rows.push_back({{"cluster", a}, {"count", seen.size()}, {"sees", seen}});
-    }
-    return rows;
-}
 Rows dump_faces(const Compiled& c) {
     Rows rows;
     for (std::size_t i = 0; i < c.surfaces.faces.size(); ++i) {
@@ -199,6 +189,8 @@ Rows dump_probes(const Compiled& c) {
     }
     return rows;
 }
+
+Rows dump_vis(const Compiled& c) { return vis_rows(c.merged ? c.merged->visibility : c.visibility); }
 
 constexpr Artefact kArtefacts[] = {
     {"document", Stage::read, dump_document, "line"}, {"world", Stage::world, dump_world, "material brush entity line"}, {"fragments", Stage::csg, dump_csg, "fragment side brush"},
@@ -318,6 +310,7 @@ Command dump_command(CLI::App& app) {
             if (!computed) return console.fail(computed.fault());
             Compiled c;
             c.visibility = *std::move(computed);
+            c.merged = merge_foreign(c.visibility, *file, o->bake.compile.vis_merge, context);
             rows = dump_vis(c);
         } else {
             const std::vector<Artefact> all = artefacts();

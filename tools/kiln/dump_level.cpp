@@ -87,12 +87,23 @@ Rows dump_portals(const kiln_level* l) {
 Rows dump_vis(const kiln_level* l) {
     kiln_info info{};
     kiln_level_info(l, &info);
+    bool doors = false; // is anything stored of shut area portals?
+    for (std::size_t i = 0; i < kiln_level_lump_count(l); ++i) {
+        kiln_lump lump{};
+        doors = doors || (kiln_level_lump(l, i, &lump) == KILN_OK && std::string_view(lump.name) == "VISS");
+    }
+    std::vector<std::uint64_t> shut_row((std::size_t{info.clusters} + 63) / 64);
     Rows rows;
     for (std::int32_t a = 0; a < static_cast<std::int32_t>(info.clusters); ++a) {
         Json seen = Json::array();
         for (std::int32_t b = 0; b < static_cast<std::int32_t>(info.clusters); ++b)
             if (kiln_level_cluster_visible(l, a, b) == 1) seen.push_back(b);
         rows.push_back({{"cluster", a}, {"count", seen.size()}, {"sees", seen}});
+        if (!doors || kiln_level_read_shut_row(l, a, shut_row.data(), shut_row.size()) != KILN_OK) continue;
+        Json shut = Json::array();
+        for (std::uint32_t b = 0; b < info.clusters; ++b)
+            if (shut_row[b / 64] >> (b % 64) & 1) shut.push_back(b);
+        rows.back()["shut"] = std::move(shut);
     }
     return rows;
 }

@@ -27,6 +27,8 @@ const char* name(Contents contents);
 // Null: the map itself. Others, of instances and prefabs, by where they lie beside it, as in a level.
 Json file_of(const World& world, const SourceLocation& at);
 
+Rows vis_rows(const Visibility& visibility); // vis.cpp: of each cluster what it sees, and while area portals are shut
+
 struct Artefact {
     const char* name;
     Stage stage;

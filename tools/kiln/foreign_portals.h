@@ -1,5 +1,6 @@
 // Portal files of other compilers, as the commands take them in the place of a map.
 #pragma once
+#include "compiler/visibility/merge.h"
 #include "compiler/visibility/summary.h"
 #include "libs/core/context.h"
 
@@ -13,5 +14,7 @@ struct ForeignPortals {
 };
 // Reports what is odd about them.
 Result<ForeignPortals> read_foreign_portals(std::span<const std::uint8_t> bytes, const std::string& name, Context& context);
+// Nothing where percent < 0. Never across a hint.
+std::optional<MergedClusters> merge_foreign(const Visibility& visibility, const ForeignPortals& of, double percent, Context& context);
 
 } // namespace kiln

@@ -56,6 +56,7 @@ Command trace_command(CLI::App& app) {
         const auto wrong = [&](const std::string& what) { return console.fail(fault(Exit::usage, "usage", what, {.file = o->bake.map})); };
         const bool pts = o->output.ends_with(".pts");
         if (!o->output.empty() && !pts && !o->output.ends_with(".lin")) return wrong("a trail is .lin or .pts");
+        if (o->bake.compile.vis_merge >= 0 && !(place_of(o->from)->point && place_of(o->to)->point)) return wrong("--vis-merge numbers clusters anew: name points");
         Compiled c;
         if (const int code = compile_map(o->bake, console, context, Stage::bsp, c); code != 0) return code;
         Place places[2] = {*place_of(o->from), *place_of(o->to)};

@@ -1,8 +1,8 @@
+#include "libs/core/process.h"
 #include "tests/compiler/visibility/grid_map.h"
 #include <algorithm>
 #include <atomic>
 #include <bit>
-#include <chrono>
 #include <cmath>
 #include <gtest/gtest.h>
 #include <limits>
@@ -359,14 +359,14 @@ TEST(Visibility, a_large_grid_ends_in_time) {
         Context context;
         context.threads = 2;
         bool stopped = false;
-        const auto begin = std::chrono::steady_clock::now();
+        const double begin = cpu_seconds(); // a busy machine takes longer, but no more of that
         const auto v = compute_visibility(map.portals, map.cluster_count, {}, context, {.seconds = seconds, .stopped = &stopped});
-        const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        const double took = cpu_seconds() - begin;
         ASSERT_TRUE(v);
         validate(*v);
         EXPECT_TRUE(stopped);
         EXPECT_FALSE(v->loose.empty());
-        EXPECT_LT(took, seconds + 4) << seconds; // the rows and the plane tests that are under way, on a machine that has other things to do
+        EXPECT_LT(took, 2 * seconds + 4) << seconds; // two threads, and the rows and the plane tests that are under way
         for (std::uint32_t a = 0; a < map.cluster_count; ++a)
             for (std::uint32_t b = 0; b < map.cluster_count; ++b) ASSERT_TRUE(v->sees(a, b) || !sure[std::size_t{a} * map.cluster_count + b]) << seconds;
     }

@@ -1,6 +1,7 @@
 // Area portals, occluders, water volumes, what brushes stop and faces without dynamic shadows: round trip, absence, lies.
 #include "formats/level/kiln_level.hpp"
 #include "formats/level/tables.h"
+#include "tests/formats/level/forge.h"
 #include "tests/formats/level/sample_level.h"
 #include <algorithm>
 #include <cmath>
@@ -99,6 +100,106 @@ TEST(LevelSpaces, ComeBackAsTheyWere) {
     }
 }
 
+// Three rooms in a row, 1, 2 and 3, with two area portals between (clusters 3 and 4, in no area), and one that parts nothing.
+LevelContent rooms_with_doors() {
+    LevelContent c = test::mixture(7, 8);
+    for (Leaf& l : c.leaves) l.cluster = -1, l.area = 0;
+    for (std::uint32_t k = 0; k < 5; ++k) c.leaves.at(k).cluster = static_cast<std::int32_t>(k), c.leaves[k].area = k < 3 ? k + 1 : 0;
+    c.leaves.at(5).cluster = 0, c.leaves[5].area = 1; // of two leaves
+    c.cluster_count = 5;
+    c.vis_rows = {0b11111, 0b11111, 0b11111, 0b11111, 0b11111};
+    c.shut_rows = {0b01001, 0b11010, 0b10100, 0b11111, 0b11111};
+    c.area_portals = {{0, 0, {1, 2}, {}}, {0, 0, {2, 3}, {}}, {0, 0, {2, 2}, {}}};
+    return c;
+}
+
+TEST(LevelSpaces, RowsWhileAreaPortalsAreShut) {
+    const LevelContent c = rooms_with_doors();
+    const auto bytes = write_level(c, {});
+    const Level level(bytes);
+    ASSERT_EQ(kiln_level_check(level.get(), nullptr), KILN_OK);
+    const auto row = [&](std::int32_t cluster, std::vector<std::uint8_t> open) {
+        std::uint64_t bits = 0;
+        EXPECT_EQ(kiln_level_read_door_row(level.get(), cluster, open.data(), &bits, 1), KILN_OK);
+        return bits;
+    };
+    for (std::int32_t k = 0; k < 5; ++k) {
+        std::uint64_t bits = 0;
+        ASSERT_EQ(kiln_level_read_shut_row(level.get(), k, &bits, 1), KILN_OK);
+        EXPECT_EQ(bits, c.shut_rows[static_cast<std::size_t>(k)]);
+        EXPECT_EQ(row(k, {0, 0, 0}), c.shut_rows[static_cast<std::size_t>(k)]);
+        EXPECT_EQ(row(k, {0, 0, 1}), c.shut_rows[static_cast<std::size_t>(k)]); // what parts nothing opens nothing
+        EXPECT_EQ(row(k, {1, 1, 0}), c.vis_rows[static_cast<std::size_t>(k)]);
+    }
+    EXPECT_EQ(row(0, {1, 0, 0}), 0b11011u); // two rooms, and both doors
+    EXPECT_EQ(row(1, {1, 0, 0}), 0b11011u);
+    EXPECT_EQ(row(2, {1, 0, 0}), 0b10100u); // its own is shut
+    EXPECT_EQ(row(0, {0, 1, 0}), 0b01001u);
+    EXPECT_EQ(row(4, {0, 0, 0}), 0b11111u);
+    std::uint64_t bits = 0;
+    const std::uint8_t open[3] = {};
+    EXPECT_EQ(kiln_level_read_shut_row(level.get(), 5, &bits, 1), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_shut_row(level.get(), -1, &bits, 1), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_shut_row(level.get(), 0, &bits, 0), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_shut_row(level.get(), 0, nullptr, 1), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_shut_row(nullptr, 0, &bits, 1), KILN_BAD_ARGUMENT);
+    for (const std::int32_t wrong : {-1, 5}) EXPECT_EQ(kiln_level_read_door_row(level.get(), wrong, open, &bits, 1), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_door_row(level.get(), 0, nullptr, &bits, 1), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_door_row(level.get(), 0, open, nullptr, 1), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_door_row(level.get(), 0, open, &bits, 0), KILN_BAD_ARGUMENT);
+    EXPECT_EQ(kiln_level_read_door_row(nullptr, 0, open, &bits, 1), KILN_BAD_ARGUMENT);
+
+    LevelContent older = c; // a level of before: the open rows, within what is connected
+    older.shut_rows.clear();
+    const auto old_bytes = write_level(older, {});
+    const Level old_level(old_bytes);
+    ASSERT_EQ(kiln_level_read_shut_row(old_level.get(), 0, &bits, 1), KILN_OK);
+    EXPECT_EQ(bits, 0b11111u);
+    older.area_portals.clear();
+    const auto plain_bytes = write_level(older, {});
+    const Level plain(plain_bytes);
+    ASSERT_EQ(kiln_level_read_door_row(plain.get(), 0, nullptr, &bits, 1), KILN_OK);
+    EXPECT_EQ(bits, 0b11111u);
+
+    LevelContent wrong = c;
+    wrong.shut_rows.pop_back();
+    EXPECT_THROW(write_level(wrong, {}), std::invalid_argument);
+}
+
+// Each byte of the lump: refused, or read as it was; rows beyond a damaged block are not made up.
+TEST(LevelSpaces, DamagedRowsOfShutAreaPortals) {
+    auto bytes = write_level(rooms_with_doors(), {});
+    std::uint64_t offset = 0, size = 0;
+    {
+        const Level level(bytes);
+        for (std::size_t i = 0; i < kiln_level_lump_count(level.get()); ++i) {
+            kiln_lump lump{};
+            kiln_level_lump(level.get(), i, &lump);
+            if (std::string_view(lump.name) == "VISS") offset = lump.offset, size = lump.stored_size;
+        }
+    }
+    ASSERT_GT(size, 0u);
+    for (std::uint64_t k = 0; k < size; ++k) {
+        bytes[offset + k] ^= 0x5a;
+        kiln_level* damaged = nullptr;
+        if (kiln_level_open_memory(bytes.data(), bytes.size(), &damaged) == KILN_OK) {
+            std::uint64_t bits = 0;
+            EXPECT_NE(kiln_level_check(damaged, nullptr), KILN_OK);
+            EXPECT_NE(kiln_level_read_shut_row(damaged, 0, &bits, 1), KILN_OK);
+            EXPECT_EQ(kiln_level_read_pvs_row(damaged, 0, &bits, 1), KILN_OK);
+        }
+        kiln_level_close(damaged);
+        bytes[offset + k] ^= 0x5a;
+    }
+    test::Forge forge(bytes); // with intent: a cluster names a row that is not there
+    forge["VISS"].bytes[8] = 200;
+    const auto forged = forge.bytes();
+    const Level level(forged);
+    std::uint64_t bits = 0;
+    EXPECT_EQ(kiln_level_check(level.get(), nullptr), KILN_DAMAGED);
+    EXPECT_EQ(kiln_level_read_shut_row(level.get(), 0, &bits, 1), KILN_DAMAGED);
+}
+
 TEST(LevelSpaces, AreNotThereWhereThereIsNothingToSay) {
     const auto bytes = write_level(test::mixture(7, 8), {});
     const Level level(bytes);
@@ -114,7 +215,7 @@ TEST(LevelSpaces, AreNotThereWhereThereIsNothingToSay) {
     for (std::size_t i = 0; i < kiln_level_lump_count(level.get()); ++i) {
         kiln_lump lump{};
         kiln_level_lump(level.get(), i, &lump);
-        for (const char* name : {"AREA", "OCCL", "WATR", "LWTR", "FILE", "FSHD", "CUBB"}) EXPECT_STRNE(lump.name, name);
+        for (const char* name : {"VISS", "AREA", "OCCL", "WATR", "LWTR", "FILE", "FSHD", "CUBB"}) EXPECT_STRNE(lump.name, name);
     }
     size_t count = 7;
     EXPECT_EQ(kiln_level_waters(nullptr, &count), nullptr);

@@ -92,6 +92,10 @@ TEST(Vis, SpoiledPortalFiles) {
     EXPECT_NE(said("PRT2\n1\n4000000000\n0\n", 3).find("portal-file-"), std::string::npos);
     EXPECT_NE(said("PRT9\n", 3).find("portal-file-magic"), std::string::npos);
     EXPECT_NE(said("PRT1\n2\n1\n4 0 1 (0 0 0 ) (0 0 64 ) (8 64 64 ) (0 64 0 ) \n", 0).find("portal-file-flat"), std::string::npos);
+    EXPECT_NE(said("PRT1\n2\n1\n4 0 1 (0 0 0 ) (0 64 64 ) (0 0 64 ) (0 64 0 ) \n", 0).find("portal-file-convex"), std::string::npos); // a bow tie
+    EXPECT_NE(said("PRT1\n2\n1\n5 0 1 (0 0 0 ) (0 0 64 ) (0 32 16 ) (0 64 64 ) (0 64 0 ) \n", 0).find("portal 0"), std::string::npos); // a dent
+    EXPECT_NE(said("PRT1\n2\n1\n5 0 1 (0 0 32 ) (0 60 32 ) (0 10 0 ) (0 30 60 ) (0 50 0 ) \n", 0).find("portal-file-convex"), std::string::npos); // a star
+    EXPECT_EQ(said("PRT1\n2\n1\n5 0 1 (0 0 0 ) (0 0.0001 32 ) (0 0 64 ) (0 64 64 ) (0 64 0 ) \n", 0), ""); // decimals waver
     said("PRT1\n0\n0\n", 0);
     said("PRT1\n3\n2\n3 0 1 (0 0 0 ) (0 0 0 ) (0 0 0 ) \n3 1 2 (0 0 0 ) (0 0 1 ) (0 0 2 ) \n", 0); // no area
     said("PRT1\n2\n1\n3 0 1 (1e300 0 0 ) (0 -1e300 0 ) (0 0 1e300 ) \n", 0);
@@ -163,6 +167,68 @@ TEST(Vis, GoesOnAfterCtrlC) {
     ASSERT_EQ(w.run({"vis", map, "-q", "--cache", cache, "-o", w.path("rows.json")}).code, 0);
     ASSERT_EQ(w.run({"vis", map, "-q", "--threads", "1", "-o", w.path("once.json")}).code, 0);
     EXPECT_EQ(*read_file(w.path("rows.json")), *read_file(w.path("once.json")));
+}
+
+// Fewer clusters, each of more leaves, and leaves that see no more than allowed; in rows, portal files, levels.
+TEST(Vis, ClustersAreMergedOnDemand) {
+    const Workplace w;
+    const std::string map = w.write("zigzag.map", zigzag());
+    const json alone = run_json(w, {map, "-q"}), free = run_json(w, {map, "-q", "--vis-merge", "0"});
+    const json merged = run_json(w, {map, "-q", "--vis-merge", "40", "-o", w.path("rows.json"), "--prt", w.path("m.prt")});
+    const auto mean = [](const json& j) { return j["seen"]["mean_leaves"].get<double>(); };
+    EXPECT_EQ(mean(free), mean(alone)); // only what costs nothing
+    EXPECT_LE(free["clusters"], alone["clusters"]);
+    EXPECT_LT(merged["clusters"], free["clusters"]);
+    EXPECT_LT(merged["seen"]["pairs"], alone["seen"]["pairs"]);
+    EXPECT_EQ(merged["leaves"], alone["leaves"]);
+    EXPECT_LE(mean(merged), mean(alone) * 1.4);
+    const std::string rows(read_file(w.path("rows.json"))->begin(), read_file(w.path("rows.json"))->end());
+    EXPECT_EQ(static_cast<int>(json::parse(rows).size()), merged["clusters"].get<int>());
+    ASSERT_EQ(w.run({"dump", "vis", map, "--json", "-q", "--vis-merge", "40", "-o", w.path("dump.json")}).code, 0);
+    EXPECT_EQ(*read_file(w.path("rows.json")), *read_file(w.path("dump.json")));
+    ASSERT_EQ(w.run({"build", map, "--draft", "-q", "--vis-merge", "40", "-o", w.path("m.kiln")}).code, 0);
+    ASSERT_EQ(w.run({"dump", "vis", w.path("m.kiln"), "--json", "-q", "-o", w.path("level.json")}).code, 0);
+    EXPECT_EQ(*read_file(w.path("rows.json")), *read_file(w.path("level.json")));
+    EXPECT_EQ(w.run({"verify", w.path("m.kiln"), "-q"}).code, 0);
+    const auto prt = read_portal_file(*read_file(w.path("m.prt")), "m.prt");
+    ASSERT_TRUE(prt);
+    EXPECT_EQ(prt->cluster_count, merged["clusters"].get<std::uint32_t>());
+    EXPECT_EQ(prt->leaf_cluster.size(), alone["leaves"].get<std::size_t>());
+    EXPECT_NE(w.run({"vis", map, "--vis-merge", "40"}).said.find("vis-merge"), std::string::npos);
+    // Of a portal file as of the map.
+    ASSERT_EQ(w.run({"vis", map, "-q", "--prt", w.path("alone.prt")}).code, 0);
+    EXPECT_LT(run_json(w, {w.path("alone.prt"), "-q", "--vis-merge", "40"})["clusters"], alone["clusters"]);
+    EXPECT_EQ(w.run({"vis", map, "-q", "--vis-merge", "-5"}).code, 2);
+    EXPECT_EQ(w.run({"trace", "0", "1", map, "-q", "--vis-merge", "40"}).code, 2); // which cluster would that be?
+    EXPECT_EQ(w.run({"trace", "20,20,32", "30,30,32", map, "-q", "--vis-merge", "40"}).code, 0);
+}
+
+// Two rooms with a door: while it is shut each room keeps to itself; in rows, and in the level.
+TEST(Vis, RowsWhileAreaPortalsAreShut) {
+    const Workplace w;
+    const std::string rooms = world(room(272, 128, 64) + box(128, 0, 0, 144, 48, 64) + box(128, 80, 0, 144, 128, 64) + box(40, 40, 0, 60, 60, 64)) + entity("info_player_start", 20, 20, 24);
+    const std::string map = w.write("door.map", rooms + "{\n\"classname\" \"func_areaportal\"\n" + box(132, 48, 0, 140, 80, 64) + "}\n");
+    const json j = run_json(w, {map, "-q", "-o", w.path("rows.json")});
+    ASSERT_TRUE(j.contains("shut"));
+    EXPECT_LT(j["shut"]["mean_clusters"], j["seen"]["mean_clusters"]);
+    ASSERT_EQ(w.run({"build", map, "--draft", "-q", "-o", w.path("door.kiln")}).code, 0);
+    ASSERT_EQ(w.run({"dump", "vis", w.path("door.kiln"), "--json", "-q", "-o", w.path("level.json")}).code, 0);
+    EXPECT_EQ(*read_file(w.path("rows.json")), *read_file(w.path("level.json")));
+    EXPECT_EQ(w.run({"verify", w.path("door.kiln"), "-q"}).code, 0);
+    std::size_t less = 0;
+    const auto bytes = *read_file(w.path("rows.json"));
+    for (const json& row : json::parse(std::string(bytes.begin(), bytes.end()))) {
+        EXPECT_LE(row["shut"].size(), row["sees"].size());
+        less += row["shut"].size() < row["sees"].size();
+    }
+    EXPECT_GT(less, 2u);
+    EXPECT_FALSE(run_json(w, {w.write("plain.map", rooms), "-q"}).contains("shut"));
+    // A budget of steps ends both flows, the same every time; a budget of time goes on with both.
+    const std::vector<std::string> cut = {map, "-q", "--vis-steps", "1"};
+    EXPECT_EQ(run_json(w, cut)["shut"], run_json(w, cut)["shut"]);
+    const std::string cache = w.path("cache");
+    (void)run_json(w, {map, "-q", "--vis-budget", "0.001", "--cache", cache});
+    EXPECT_EQ(run_json(w, {map, "-q", "--cache", cache})["shut"], j["shut"]);
 }
 
 TEST(Vis, TheFarzOfFogIsARadius) {
