@@ -99,7 +99,8 @@ Hash without_overlays(Surfaces& s, Hash all_of_it) {
     s.overlay_fragments = std::move(fragments), s.overlay_points = std::move(points);
     return hash;
 }
-// What light reads of panes beside surfaces and materials: where their textures lie, and what their entities say of shadows and opacity.
+// What light reads of panes beside surfaces: what their materials let through, where their textures lie, and what their entities say of shadows
+// and opacity.
 Hash panes_key(const World& world, const Surfaces& s) {
     const auto entity = [&](ByteWriter& w, EntityId id) {
         if (!id.valid()) return;
@@ -108,6 +109,10 @@ Hash panes_key(const World& world, const Surfaces& s) {
     };
     ByteWriter w;
     w(world.format);
+    for (const Material& m : world.materials) {
+        w(m.flags, m.alpha, m.alpha_stated, m.tint, m.opacity_map, m.width, m.height);
+        if (m.flags & kTranslucent) w(m.reflectance); // the hue of what passes, where no tint is stated
+    }
     std::vector<std::uint8_t> done(world.brushes.size());
     for (const Face& f : s.faces) {
         if (!f.drawn || !f.side.valid()) continue;
@@ -217,7 +222,7 @@ Result<Visibility> see(Hash key, const VisibilityOptions& options, const Compile
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 8, kAmbientVersion = 5, kDensityVersion = 2;
+constexpr std::uint32_t kLightVersion = 10, kAmbientVersion = 5, kDensityVersion = 2;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
@@ -232,7 +237,7 @@ template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo,
 }
 Result<Lighting> relight(Hash shape, const LightOptions& options, const CompileRun& run, Context& context, const Compiled& out) {
     LightMemo memo;
-    const auto rows_key = [](Hash table) { return all(std::string("form factors"), kLightVersion, table); };
+    const auto rows_key = [&](Hash table) { return all(std::string("form factors"), kLightVersion, shape, table); };
     memo.load_rows = [&](Hash table) { return run.store->load(rows_key(table)); };
     memo.save_rows = [&](Hash table, Bytes rows) { (void)run.store->save(rows_key(table), rows); };
     return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, options), memo, run,
@@ -302,7 +307,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
     const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), panes_key(world, out.surfaces), lights_key(out.lights));
-    const Hash shape = all(without_overlays(out.surfaces, *surfaces), *bsp, panes_key(world, out.surfaces)); // whatever shines
+    const Hash shape = all(without_overlays(out.surfaces, *surfaces), *bsp, panes_key(world, out.surfaces)); // what rays meet, whatever shines
     const auto light = stages.run(Stage::light, kLightVersion, all(lit, options.light), places, out.lighting,
                                   [&] { return relight(shape, options.light, run, context, out); });
     if (!light) return light.fault();

@@ -245,7 +245,6 @@ Result<Ambient> place_ambient(const Bsp& bsp, const PlaneTable& planes, const Su
                               const std::vector<Light>& lights, const LightField& field, const AmbientOptions& options,
                               Context& context, Memo* memo) {
     ambient::Air air = ambient::air_of(bsp, planes, surfaces, lights, field);
-    if (field.scene().has_panes()) memo = nullptr; // as in the bake
     if (memo) memo->begin(), air.memo = memo, air.state = field.state(), air.part_states = field.part_states();
     auto made = ambient::build_lattice(air, options, context);
     if (memo) memo->end();

@@ -22,13 +22,13 @@ constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 Quality Quality::of(const LightOptions& options) {
     Quality q;
     const double e = std::clamp(options.error_percent, 0.1, 50.0);
-    q.patch_size = 40 * std::sqrt(e / 5);
+    q.patch_size = 63 * std::sqrt(e / 5);
     q.promotion = 0.001 * e;
     q.light_cutoff = 0.001 * e;
     q.direct_samples = e <= 1.5 ? 32 : e <= 2.5 ? 16 : e <= 6 ? 8 : e <= 12 ? 4 : 2;
-    q.row_rays = e <= 1 ? 1024 : e <= 6 ? 512 : 256; // they are the guides of the gather as well
+    q.row_rays = e <= 1 ? 1024 : e <= 2.5 ? 512 : 256; // they are the guides of the gather as well
     q.iteration = std::min(1e-3, e * 1e-4);
-    q.first_rays = e >= 15 ? 16 : e >= 10 ? 32 : 64;
+    q.first_rays = e >= 15 ? 16 : e > 2.5 ? 32 : 64;
     return q;
 }
 
@@ -97,9 +97,7 @@ Bake::Bake(const World& world, const Surfaces& surfaces, const std::vector<Light
            const LightOptions& options, LightMemo* memo, Context& context)
     : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(sealed), memo_(memo), context_(context),
       quality_(Quality::of(options)), scene_(world, surfaces), index_(surfaces),
-      emitters_(world, surfaces, sky_radiance(lights)) {
-    if (scene_.has_panes()) memo_ = nullptr; // what rays look at on their way through is not noted
-}
+      emitters_(world, surfaces, sky_radiance(lights)) {}
 
 std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
     return mix_place(p, options_.seed, pass);
@@ -153,7 +151,7 @@ HemisphereMap Bake::map_of(ChartId chart) const {
 }
 
 // Reflected radiance at hits: direct light of the very luxel, the rest by patch.
-ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total) const {
+ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const {
     ReflectedLight out;
     constexpr double inv_pi = 1 / std::numbers::pi;
     out.patch.resize(patches_.patches.size());
@@ -170,7 +168,7 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest, const std::v
         const std::size_t texel = c.first_texel + luxel.y * c.width + luxel.x;
         const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
         out.direct[texel] = static_cast<Rgb>(rho * direct_[l].flat);
-        out.texel[texel] = static_cast<Rgb>(rho * (direct_[l].flat + rest[p]));
+        out.texel[texel] = static_cast<Rgb>(rho * (direct_[l].flat + rest_of_luxel[l]));
         lit[texel] = 1;
     }
     // In a corner a luxel gets up to half of its light from the next one on the other wall, most of it from that one's rim.
@@ -241,7 +239,10 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
     for (std::size_t c = 0; c < m; ++c) coarse_rest[c] = solved[c] - coarse_direct[c];
     quantise(&coarse_rest, coarse);
     for (std::size_t p = 0; p < n; ++p) rest[p] = coarse_rest[parent[p]], total[p] = coarse_direct[parent[p]] + rest[p];
-    return reflected_light(rest, total);
+    std::vector<std::uint32_t> luxel_parent(luxel_patch_);
+    for (std::uint32_t& p : luxel_parent)
+        if (p != kNoPatch) p = parent[p];
+    return reflected_light(values_at_luxels(surfaces_, edges_, coarse, luxel_parent, coarse_rest), total);
 }
 
 void Bake::find_neighbours() {
@@ -335,7 +336,7 @@ std::vector<Rgbd> Bake::solve_patches() {
     for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
     quantise(&rest_, patches_);
     for (std::size_t p = 0; p < n; ++p) total[p] = direct[p] + rest_[p];
-    reflected_ = reflected_light(rest_, total);
+    reflected_ = reflected_light(values_at_luxels(surfaces_, edges_, patches_, luxel_patch_, rest_), total);
     bright_.clear();
     for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
     coarse_ = coarse_light(rows_, direct, first);

@@ -97,6 +97,7 @@ struct LuxelGather {
 // What rays of the rows met that crossed panes: the panes, and what stands behind them.
 struct PaneRays {
     struct Met {
+        static constexpr bool kRawBytes = true;
         std::uint32_t code = kHitBlack; // as of hit lists
         Rgb reflected, emitted;         // share of its reflected and of its own light that arrives
     };
@@ -107,6 +108,15 @@ struct PaneRays {
         const auto at = static_cast<std::size_t>(std::ranges::lower_bound(ray, r) - ray.begin());
         return {met.data() + first[at], met.data() + first[at + 1]};
     }
+    template <class A> void fields(A& a) { a(ray, first, met); }
+};
+
+struct RowsMemo { // of one table of patches: Bake::hits_ and what belongs to it
+    std::vector<std::uint32_t> hits;
+    std::vector<std::uint8_t> cells, covered;
+    PaneRays panes;
+    std::array<std::uint64_t, 3> counts{};
+    template <class A> void fields(A& a) { a(hits, cells, covered, panes, counts); }
 };
 
 PaneRays joined(std::vector<PaneRays>& parts);
@@ -165,7 +175,7 @@ private:
     double light_through_panes(std::uint64_t ray, std::uint32_t patch) const;
     // Of a ray that meets `behind` at `far`: what the panes before it make of that, and their own light.
     Rgbd through_panes(Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
-                       const ReflectedLight& light, int depth, Rgbd behind) const;
+                       const ReflectedLight& light, Looked* looked, int depth, Rgbd behind) const;
     // direct.cpp
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
@@ -204,6 +214,7 @@ private:
     double luxel_area_of(std::uint32_t patch) const; // map units squared
     std::vector<double> least_cost(const std::vector<double>& variance, double wanted) const;
     void share_rays(double wanted);
+    static constexpr int kNearBounces = 4; // of reflected_at
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
     Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const;
     // estimate.cpp
@@ -227,7 +238,7 @@ private:
     Footprint footprint_of_luxel(std::uint32_t luxel) const;
     std::uint64_t seed_at(Vec3 point, std::uint64_t pass) const;
     Vec3 luxel_centroid(const Luxel& luxel) const;
-    ReflectedLight reflected_light(const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total) const;
+    ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const;
     ReflectedLight coarse_light(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
     void fill();
     HemisphereMap map_of(ChartId chart) const;
@@ -276,8 +287,11 @@ private:
     std::vector<std::uint64_t> light_ids_;                              // per entity: of all that makes its light
     std::vector<std::uint64_t> reflects_, reflects_coarse_, guides_;    // per patch, from the last solution
     std::vector<std::uint64_t> emitters_hash_;                          // of the emitters in its list
-    // Of what rays may read there, kLookedAt times all patches: what it reflects; which emitters are in its list; its list.
+    // Of what rays may read there, kLookedAt times all patches: what it reflects; which emitters are in its list; its list. Then what
+    // each emitter sends.
     static constexpr std::uint32_t kLookedAt = 3;
+    std::uint32_t emitter_part(std::uint32_t emitter) const { return static_cast<std::uint32_t>(kLookedAt * patches_.patches.size()) + emitter; }
+    std::size_t part_count() const { return kLookedAt * patches_.patches.size() + emitters_.emitters.size(); }
     std::vector<std::uint64_t> states_, states_coarse_;
     HitCounts counts_;
     std::atomic<std::uint64_t> shadow_rays_{0};

@@ -476,7 +476,7 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     for (std::size_t r = 0; r < list.size(); ++r) {
         std::vector<LuxelDirect>& part = now.luxels[r];
         if (found[r] != SIZE_MAX) {
-            part = std::move(kept.luxels[found[r]]);
+            part = kept.luxels[found[r]]; // not moved: of two equal lights at one place both come from there
             now.divided[r] = kept.divided[found[r]], now.rays[r] = kept.rays[found[r]];
         } else {
             for (std::size_t i = footprints.size(); i < n; ++i) footprints.push_back(footprint_of_luxel(luxels[i])), kernels.push_back(kernel_of(luxels[i]));

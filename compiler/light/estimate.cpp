@@ -130,7 +130,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
                 results[i] = from_bytes<PilotLuxel>(*kept);
                 continue;
             }
-            looked.begin(kLookedAt * patches_.patches.size());
+            looked.begin(part_count());
             looked.at(2 * static_cast<std::uint32_t>(patches_.patches.size()) + p); // direct light, too
             results[i] = pilot_luxel(l, close, rough, encoding, memo_ ? &looked : nullptr);
             if (memo_) memo_->pilot.keep(key, states_coarse_, looked.parts(), to_bytes(results[i]));
@@ -205,6 +205,13 @@ double Bake::solution_noise() const {
     const Rgbd sky = sky_radiance(lights_);
     std::vector<Rgbd> rho;
     for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
+    const auto row_ray = [&](std::uint64_t ray, const auto& meets, const auto& through_panes) {
+        const std::uint32_t hit = hits_[ray];
+        if (is_patch(hit)) meets(hit);
+        if (hit != kHitPanes) return;
+        for (const PaneRays::Met& met : pane_rays_.of(ray))
+            if (is_patch(met.code)) through_panes(met.code, static_cast<Rgbd>(met.reflected));
+    };
     // The solution by each quarter of the rays. Quarters of a sequence scatter somewhat more than four times the whole does.
     std::array<std::vector<Rgbd>, kQuarters> total;
     for (std::uint32_t q = 0; q < kQuarters; ++q) {
@@ -215,6 +222,7 @@ double Bake::solution_noise() const {
                 const std::uint32_t hit = hits_[std::size_t{p} * m + i];
                 const std::uint32_t emitter = emitter_of(hit);
                 if (hit == kHitEscaped) emitted += sky;
+                else if (hit == kHitPanes) emitted += emission_through_panes(std::uint64_t{p} * m + i, p, true);
                 else if (emitter != UINT32_MAX && !listed(p, emitter)) emitted += emitters_.emitters[emitter].radiance;
             }
             first[p] = solved_direct_[p] + emitted * (std::numbers::pi / part);
@@ -222,7 +230,7 @@ double Bake::solution_noise() const {
         total[q] = solve_bounces(first, rho, 0.01, context_, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
                        Rgbd row;
                        for (std::uint32_t i = q * part; i < (q + 1) * part; ++i)
-                           if (const std::uint32_t hit = hits_[p * m + i]; is_patch(hit)) row += b[hit];
+                           row_ray(p * m + i, [&](std::uint32_t hit) { row += b[hit]; }, [&](std::uint32_t hit, Rgbd arrives) { row += arrives * b[hit]; });
                        sum += row * (1.0 / part);
                    }).irradiance;
     }
@@ -249,7 +257,8 @@ double Bake::solution_noise() const {
         for (const std::vector<Rgbd>& leaf : leaves) {
             std::array<Rgbd, 2> half;
             for (std::uint32_t i = 0; i < m; ++i)
-                if (const std::uint32_t hit = hits_[std::size_t{p} * m + i]; is_patch(hit)) half[i * 2 / m] += rho[hit] * leaf[hit] * (2.0 / m);
+                row_ray(std::uint64_t{p} * m + i, [&](std::uint32_t hit) { half[i * 2 / m] += rho[hit] * leaf[hit] * (2.0 / m); },
+                        [&](std::uint32_t hit, Rgbd arrives) { half[i * 2 / m] += arrives * rho[hit] * leaf[hit] * (2.0 / m); });
             for (std::size_t c = 0; c < 3; ++c) {
                 const double scale = std::max(now[c], options_.error_floor * level[c]);
                 if (scale > 0) sum += a * half[0][c] * half[1][c] / (scale * scale) / (3.0 * leaves.size());

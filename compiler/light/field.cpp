@@ -30,13 +30,16 @@ Rgbd LightField::Data::reflected(const SceneHit& hit, Looked* looked) const {
     std::uint32_t patch = lighting.face_patch[hit.face.at()];
     if (face.chart.valid()) {
         const std::uint32_t texel = index.texel_at(hit.face, hit.position);
-        if (lighting.patch_index[texel] < kMixedPatch && lighting.valid[texel] == 1) {
+        const bool whole = lighting.patch_index[texel] < kMixedPatch;
+        if (looked && whole) looked->at(lighting.patch_index[texel]); // whether it is valid, too
+        if (whole && lighting.valid[texel] == 1) {
             // Bilinear between luxels that were baked and belong to one patch.
             Rgbd sum;
             double weight = 0;
             for_each_bilinear(surfaces, hit.face, hit.position, [&](std::size_t t, double w) {
-                if (lighting.valid[t] != 1 || lighting.patch_index[t] >= kMixedPatch) return;
+                if (lighting.patch_index[t] >= kMixedPatch) return;
                 if (looked) looked->at(lighting.patch_index[t]);
+                if (lighting.valid[t] != 1) return;
                 sum += static_cast<Rgbd>(texel_reflected[t]) * w, weight += w;
             });
             if (weight > 0) return sum / weight;
@@ -188,6 +191,11 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
     PathTracer tracer{d};
     tracer.looked = looked;
     if (looked) looked->begin(d.part_count());
+    const auto look_near = [&] {
+        if (lights_near) return;
+        lights_near.emplace(d, x), tracer.near = &*lights_near;
+        if (looked) looked->at(d.lights_part(x));
+    };
     rays = std::max(rays, 4u);
     const Sobol points(mix(seed, std::uint64_t{22}));
     const Frame frame = free ? Frame{} : frame_around(normal);
@@ -225,8 +233,8 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
             for (const PaneHit& pane : panes) {
                 if (pane.opacity > 0) {
                     const bool is_near = d.is_near(pane.hit);
-                    if (is_near && !lights_near) lights_near.emplace(d, x), tracer.near = &*lights_near;
-                    of_panes += through[i] * (is_near ? tracer.reflected(pane.hit, directions[i], random, true) : d.reflected(pane.hit)) * pane.opacity;
+                    if (is_near) look_near();
+                    of_panes += through[i] * (is_near ? tracer.reflected(pane.hit, directions[i], random, true) : d.reflected(pane.hit, looked)) * pane.opacity;
                 }
                 if (const std::uint32_t e = d.emitter(pane.hit, directions[i]); e != UINT32_MAX) {
                     pane_lights.push_back({i, e, through[i]});
@@ -241,10 +249,7 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
             emitter[i] = d.emitter(*hits[i], directions[i]);
             Random random(mix(seed, i, std::uint64_t{25}));
             const bool is_near = d.is_near(*hits[i]);
-            if (is_near && !lights_near) {
-                lights_near.emplace(d, x), tracer.near = &*lights_near;
-                if (looked) looked->at(d.lights_part(x));
-            }
+            if (is_near) look_near();
             radiance[i] = is_near ? tracer.reflected(*hits[i], directions[i], random, true) : d.reflected(*hits[i], looked);
             if (emitter[i] != UINT32_MAX) total += (through.empty() ? Rgbd{1, 1, 1} : through[i]) * (d.emitters.emitters[emitter[i]].radiance * (solid[i] * k));
         }

@@ -152,7 +152,6 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
 Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked,
                         int depth) const {
     constexpr double kNearLuxels = 1.5;
-    constexpr int kNearBounces = 4;
     const Face& face = surfaces_.faces[hit.face.at()];
     if (depth < kNearBounces && face.chart.valid()) {
         const Chart& chart = surfaces_.charts[face.chart.at()];
@@ -172,10 +171,11 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                 } else if (!next->back) {
                     radiance = reflected_at(*next, way, random, light, looked, depth + 1);
                     const std::uint32_t e = emitters_.of_face[next->face.at()];
+                    if (looked && e != UINT32_MAX) looked->at(emitter_part(e));
                     if (e != UINT32_MAX && !listed(patch, e)) radiance += emitters_.emitters[e].radiance;
                 }
                 if (scene_.has_panes())
-                    radiance = through_panes(hit.position + n * scene_.push_off(), way, next ? next->distance : 1e30, {}, patch, {}, random, light, depth + 1, radiance);
+                    radiance = through_panes(hit.position + n * scene_.push_off(), way, next ? next->distance : 1e30, {}, patch, {}, random, light, looked, depth + 1, radiance);
                 const Rgbd reflectance = static_cast<Rgbd>(patches_.patches[patch].reflectance);
                 const Rgbd direct = light.steep[texel] ? reflectance * one_light_at(patch, hit.position + n * scene_.push_off(), n, random) * (1 / kPi)
                                                        : static_cast<Rgbd>(light.direct[texel]);
@@ -223,6 +223,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     for (const auto& hit : found) {
         if (!hit || hit->back) continue;
         const std::uint32_t e = emitters_.of_face[hit->face.at()];
+        if (looked && e != UINT32_MAX) looked->at(emitter_part(e));
         if (e != UINT32_MAX && !listed(patch, e)) unlisted.push_back(e);
     }
     if (met && !unlisted.empty()) {
@@ -241,7 +242,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     const auto seen = [&](std::uint32_t i, Random& random, const ReflectedLight& light, Rgbd behind) {
         if (!scene_.has_panes()) return behind;
         const Widths widths{.start = std::sqrt(footprint.area() / rays), .end = std::sqrt(weights[i] / rays), .start_normal = normal};
-        return through_panes(origins[i], directions[i], found[i] ? found[i]->distance : 1e30, widths, patch, heavy, random, light, 0, behind);
+        return through_panes(origins[i], directions[i], found[i] ? found[i]->distance : 1e30, widths, patch, heavy, random, light, looked, 0, behind);
     };
     for (std::uint32_t i = 0; i < rays; ++i) {
         const std::array<double, 4> k = kernel.values(directions[i]);
@@ -363,7 +364,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
             } else {
                 Guide guide;
                 patch_guide(p, &guide);
-                looked.begin(kLookedAt * patches_.patches.size());
+                looked.begin(part_count());
                 for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                     const std::uint32_t l = patch_luxels_[k];
                     const Luxel& luxel = surfaces_.luxels[l];

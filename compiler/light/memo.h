@@ -68,18 +68,11 @@ private:
     std::vector<Shard> shards_ = std::vector<Shard>(64);
 };
 
-// Form-factor rows depend on geometry alone and are most of what a bake keeps: each table of patches lies in the store by itself,
-// under a hash of it.
-struct RowsMemo {
-    std::vector<std::uint32_t> hits; // Bake::hits_ and what belongs to it
-    std::vector<std::uint8_t> cells, covered;
-    std::array<std::uint64_t, 3> counts{};
-    template <class A> void fields(A& a) { a(hits, cells, covered, counts); }
-};
-
+// Kept for one geometry: surfaces, and what blocks light or lets it through. Another needs another memo, and other rows.
 struct LightMemo {
     Memo lights, direct, gather, pilot; // of all tables of patches
-    // Where rows are found and left; absent: they are traced.
+    // Form-factor rows depend on geometry alone and are most of what a bake keeps: each table of patches lies in the store by itself,
+    // under a hash of it. Where they are found and left; absent: they are traced.
     std::function<std::optional<Bytes>(Hash table)> load_rows;
     std::function<void(Hash table, Bytes rows)> save_rows;
     double taken_over() const; // share of what the last bake gathered, 0..1

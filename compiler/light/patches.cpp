@@ -272,6 +272,76 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
     return out;
 }
 
+std::vector<Rgbd> values_at_luxels(const Surfaces& s, const PieceEdges& edges, const PatchTable& table, std::span<const std::uint32_t> luxel_patch, const std::vector<Rgbd>& values) {
+    constexpr double kRidge = 1e-3; // along which no neighbour lies, nothing is known
+    const std::size_t n = table.patches.size(), luxels = s.luxels.size();
+    const auto place = [&](std::size_t l) { // chart coordinates, map units
+        const Luxel& luxel = s.luxels[l];
+        const Vec2 c = centroid_of(s, luxel);
+        return c * s.charts[luxel.chart.at()].luxel_size;
+    };
+    std::vector<Vec2> center(n);
+    std::vector<double> area(n);
+    for (std::size_t l = 0; l < luxels; ++l) {
+        const std::uint32_t p = luxel_patch[l];
+        if (p == kNoPatch) continue;
+        const double a = s.luxels[l].area;
+        center[p] = center[p] + place(l) * a, area[p] += a;
+    }
+    for (std::size_t p = 0; p < n; ++p)
+        if (area[p] > 0) center[p] = center[p] * (1 / area[p]);
+    struct Fit {
+        double xx = 0, xy = 0, yy = 0;
+        Rgbd x, y, most; // most: by which a neighbour differs
+    };
+    std::vector<Fit> fits(n);
+    std::vector<std::array<std::uint32_t, 2>> pairs;
+    for (const auto& [a, b] : edges) {
+        const std::uint32_t p = table.piece_patch[a], q = table.piece_patch[b];
+        if (p != q && area[p] > 0 && area[q] > 0) pairs.push_back({std::min(p, q), std::max(p, q)});
+    }
+    std::ranges::sort(pairs);
+    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+    for (const auto& [p, q] : pairs) {
+        const Vec2 d = center[q] - center[p];
+        const double r2 = dot(d, d);
+        if (!(r2 > 0)) continue;
+        const Rgbd change = values[q] - values[p];
+        for (const std::uint32_t at : {p, q}) {
+            Fit& f = fits[at];
+            const double w = std::min(area[p], area[q]) / (r2 * r2); // a sliver beside it says little
+            f.xx += w * d.x * d.x, f.xy += w * d.x * d.y, f.yy += w * d.y * d.y;
+            f.x += change * (w * d.x), f.y += change * (w * d.y);
+            for (std::size_t c = 0; c < 3; ++c) f.most[c] = std::max(f.most[c], std::abs(change[c]));
+        }
+    }
+    std::vector<Rgbd> along_x(n), along_y(n), reach(n);
+    for (std::size_t p = 0; p < n; ++p) {
+        const Fit& f = fits[p];
+        const double ridge = kRidge * (f.xx + f.yy), xx = f.xx + ridge, yy = f.yy + ridge, det = xx * yy - f.xy * f.xy;
+        if (!(det > 0)) continue;
+        along_x[p] = (f.x * yy - f.y * f.xy) / det, along_y[p] = (f.y * xx - f.x * f.xy) / det;
+    }
+    for (std::size_t l = 0; l < luxels; ++l) {
+        const std::uint32_t p = luxel_patch[l];
+        if (p == kNoPatch) continue;
+        const Vec2 d = place(l) - center[p];
+        for (std::size_t c = 0; c < 3; ++c) reach[p][c] = std::max(reach[p][c], std::abs(along_x[p][c] * d.x + along_y[p][c] * d.y));
+    }
+    std::vector<Rgbd> out(luxels);
+    for (std::size_t l = 0; l < luxels; ++l) {
+        const std::uint32_t p = luxel_patch[l];
+        if (p == kNoPatch) continue;
+        const Vec2 d = place(l) - center[p];
+        for (std::size_t c = 0; c < 3; ++c) {
+            const double most = std::min(fits[p].most[c], std::max(values[p][c], 0.0));
+            const double share = reach[p][c] > most ? most / reach[p][c] : 1;
+            out[l][c] = values[p][c] + share * (along_x[p][c] * d.x + along_y[p][c] * d.y);
+        }
+    }
+    return out;
+}
+
 void Footprint::add(Vec3 corner, Vec3 u, Vec3 v, Vec3 normal, bool parallelogram) {
     const double a = length(cross(u, v)) * (parallelogram ? 1 : 0.5);
     if (!(a > 0)) return;

@@ -1,8 +1,8 @@
 // What a bake keeps for the next one of the same geometry, and what it takes over: memo.h.
 //
 // A step is done patch by patch: the direct light of its luxels, what they gather, the luxels of the pilot. What it comes to is a function
-// of the geometry, of its key (options, the lights of the patch, samples), and of the patches that rays met. Patches have a state, a
-// hash of all that a ray may read there; equal key and equal states, equal light.
+// of the geometry (with what its panes let through), of its key (options, the lights of the patch, samples), and of the patches and emitters
+// that rays met. These have a state, a hash of all that a ray may read there; equal key and equal states, equal light.
 #include "compiler/light/bake.h"
 #include "libs/parallel/parallel.h"
 
@@ -41,7 +41,7 @@ bool Bake::load_rows() {
         RowsMemo rows = from_bytes<RowsMemo>(*bytes);
         const std::size_t n = patches_.patches.size();
         if (rows.hits.size() != n * quality_.row_rays || rows.cells.size() != rows.hits.size() || rows.covered.size() != n) return false;
-        hits_ = std::move(rows.hits), hit_cells_ = std::move(rows.cells), covered_ = std::move(rows.covered);
+        hits_ = std::move(rows.hits), hit_cells_ = std::move(rows.cells), covered_ = std::move(rows.covered), pane_rays_ = std::move(rows.panes);
         counts_ += HitCounts{rows.counts[0], rows.counts[1], rows.counts[2]};
         return true;
     } catch (const ArchiveError&) {
@@ -84,6 +84,12 @@ void Bake::note_solution() {
         for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
             std::uint64_t sum = 0;
             for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) sum = mix(sum, seen[rows_.patch[k]]);
+            const std::size_t m = quality_.row_rays;
+            for (auto r = std::ranges::lower_bound(pane_rays_.ray, p * m); r != pane_rays_.ray.end() && *r < (p + 1) * m; ++r) {
+                const auto at = static_cast<std::size_t>(r - pane_rays_.ray.begin());
+                for (std::uint64_t k = pane_rays_.first[at]; k < pane_rays_.first[at + 1]; ++k)
+                    if (is_patch(pane_rays_.met[k].code)) sum = mix(sum, seen[pane_rays_.met[k].code]);
+            }
             guides_[p] = sum;
         }
     });
@@ -91,7 +97,7 @@ void Bake::note_solution() {
 
 std::uint64_t Bake::hash_of_ref(const LightRef& r) const {
     const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
-    const std::uint64_t flags = static_cast<std::uint64_t>(r.is_emitter) | std::uint64_t{r.penumbra} << 1 | std::uint64_t{r.hidden} << 2 | std::uint64_t{r.samples} << 8;
+    const std::uint64_t flags = static_cast<std::uint64_t>(r.is_emitter) | std::uint64_t{r.penumbra} << 1 | std::uint64_t{r.hidden} << 2 | std::uint64_t{r.filtered} << 3 | std::uint64_t{r.samples} << 8;
     if (!r.is_emitter) return mix(flags, light_ids_[r.light]);
     const Rgbd radiance = emitters_.emitters[r.light].radiance;
     return mix(flags, r.light, bits(radiance.x), bits(radiance.y), bits(radiance.z));
@@ -100,7 +106,8 @@ std::uint64_t Bake::hash_of_ref(const LightRef& r) const {
 // Before a step: lists change between them.
 void Bake::note_states() {
     const std::size_t n = patches_.patches.size();
-    emitters_hash_.assign(n, 0), states_.resize(kLookedAt * n), states_coarse_.resize(kLookedAt * n);
+    emitters_hash_.assign(n, 0), states_.resize(part_count()), states_coarse_.resize(part_count());
+    for (std::uint32_t e = 0; e < emitters_.emitters.size(); ++e) states_[emitter_part(e)] = states_coarse_[emitter_part(e)] = hash_of(emitters_.emitters[e].radiance).low;
     for (std::size_t p = 0; p < n; ++p) {
         std::uint64_t all = 0;
         for (const LightRef& r : lists_[p]) {

@@ -81,7 +81,11 @@ void Bake::trace_rows() {
     HitCounts all;
     for (const HitCounts& c : counts) all += c;
     counts_ += all;
-    if (memo_ && memo_->save_rows) memo_->save_rows(table_, to_bytes(RowsMemo{hits_, hit_cells_, covered_, {all.rays, all.escaped, all.back}}));
+    if (memo_ && memo_->save_rows) {
+        ByteWriter w; // a RowsMemo, without a copy of all the hits
+        w(hits_, hit_cells_, covered_, pane_rays_, std::array{all.rays, all.escaped, all.back});
+        memo_->save_rows(table_, std::move(w.bytes));
+    }
 }
 
 // In the order in which each patch was met first.

@@ -96,13 +96,15 @@ double Bake::light_through_panes(std::uint64_t ray, std::uint32_t patch) const {
 }
 
 Rgbd Bake::through_panes(Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
-                         const ReflectedLight& light, int depth, Rgbd behind) const {
+                         const ReflectedLight& light, Looked* looked, int depth, Rgbd behind) const {
     std::vector<PaneHit> panes; // its own: what a pane close by reflects asks for more rays
     scene_.panes(origin, way, far, widths, panes);
     Rgbd sum, through{1, 1, 1};
+    // Only the first is looked at closely: were all, rays in a stack of them would multiply with each bounce.
     for (const PaneHit& pane : panes) {
-        if (pane.opacity > 0) sum += through * reflected_at(pane.hit, way, random, light, nullptr, depth) * pane.opacity;
+        if (pane.opacity > 0) sum += through * reflected_at(pane.hit, way, random, light, looked, std::exchange(depth, kNearBounces)) * pane.opacity;
         const std::uint32_t emitter = pane.front ? emitters_.of_face[pane.hit.face.at()] : UINT32_MAX;
+        if (looked && emitter != UINT32_MAX) looked->at(emitter_part(emitter));
         if (emitter != UINT32_MAX && !listed(patch, emitter) && !std::ranges::binary_search(heavy, emitter)) sum += through * emitters_.emitters[emitter].radiance;
         through = through * pane.through;
     }

@@ -38,6 +38,7 @@ struct Edit {
     const char* name;
     std::vector<Light> lights = kLamps;
     Rgb lamp{20, 20, 20}, wall{0.6f, 0.6f, 0.6f};
+    Rgb grate{0.3f, 0.2f, 0.1f}, screen{0.5f, 1, 2}; // of the panes: what one reflects, what the other sends
 };
 std::vector<Edit> edits() {
     std::vector<Edit> all{{.name = "nothing"}};
@@ -49,6 +50,8 @@ std::vector<Edit> edits() {
     e = {.name = "one more"}, e.lights.insert(e.lights.begin(), point_light({100, 250, 100}, {400, 400, 400}));
     all.push_back(e);
     e = {.name = "one less"}, e.lights.erase(e.lights.begin());
+    all.push_back(e);
+    e = {.name = "one twice"}, e.lights.insert(e.lights.begin() + 1, e.lights[0]);
     all.push_back(e);
     e = {.name = "none"}, e.lights.clear();
     all.push_back(e);
@@ -64,8 +67,27 @@ std::vector<Edit> edits() {
     all.push_back(e);
     return all;
 }
-SurfacesBuilder scene_of(const Edit& e) {
+// Of lamps that stand twice, one is taken away and another changed.
+TEST(Relight, EqualLampsAtOnePlace) {
+    std::vector<Light> lamps = kLamps;
+    lamps.insert(lamps.end(), {kLamps[0], kLamps[0], kLamps[2]});
+    LightMemo memo = empty_memo();
+    (void)baked(two_rooms(20), lamps, &memo);
+    lamps.erase(lamps.begin());
+    lamps[1].intensity = {700, 100, 100};
+    memo = stored(memo);
+    EXPECT_EQ(baked(two_rooms(20), lamps, &memo), baked(two_rooms(20), lamps, nullptr));
+}
+
+enum class Panes { none, some };
+// With panes: tinted glass in the doorway, a grate that reflects and a screen that shines below the lamp, in front of each other.
+SurfacesBuilder scene_of(const Edit& e, Panes panes = Panes::none) {
     SurfacesBuilder scene = two_rooms(20);
+    if (panes == Panes::some) {
+        pane(scene, {185, 120, 0}, {0, 60, 0}, {0, 0, 100}, glass(scene, 0.3f, {0.2f, 0.1f, 0.4f}));
+        pane(scene, {20, 20, 120}, {120, 0, 0}, {0, 120, 0}, checkers(scene, 20, e.grate), 4);
+        pane(scene, {30, 30, 100}, {100, 0, 0}, {0, 100, 0}, glass(scene, 0.4f, {0.1f, 0.1f, 0.1f}, Rgb{1, 1, 1}, e.screen));
+    }
     for (Material& m : scene.world.materials) {
         if (m.emission.x > 0) m.emission = e.lamp;
         else if (m.reflectance.x == 0.6f) m.reflectance = e.wall;
@@ -95,6 +117,31 @@ TEST(Relight, ChainOfEdits) {
             memo = stored(memo);
             EXPECT_EQ(baked(scene_of(e), e.lights, &memo), baked(scene_of(e), e.lights, nullptr)) << e.name;
         }
+}
+
+TEST(Relight, SameBytesAfterEachEditBehindPanes) {
+    std::vector<Edit> all = edits();
+    Edit e{.name = "grate"};
+    e.grate = {0.1f, 0.2f, 0.6f};
+    all.push_back(e);
+    e = {.name = "screen"}, e.screen = {4, 1, 2};
+    all.push_back(e);
+    e = {.name = "screen out"}, e.screen = {};
+    all.push_back(e);
+    const auto scene = [](const Edit& edit) { return scene_of(edit, Panes::some); };
+    LightMemo first = empty_memo();
+    EXPECT_EQ(baked(scene({}), kLamps, &first), baked(scene({}), kLamps, nullptr)) << "a memo changes nothing";
+    LightMemo chain = stored(first);
+    for (const Edit& edit : all) {
+        const Bytes anew = baked(scene(edit), edit.lights, nullptr);
+        LightMemo memo = stored(first);
+        EXPECT_EQ(baked(scene(edit), edit.lights, &memo, kOptions, 2), anew) << edit.name;
+        chain = stored(chain);
+        EXPECT_EQ(baked(scene(edit), edit.lights, &chain), anew) << edit.name << ", after those before";
+    }
+    LightMemo same = stored(first);
+    (void)baked(scene({}), kLamps, &same);
+    EXPECT_EQ(same.taken_over(), 1);
 }
 
 TEST(Relight, NothingChangedIsTakenOverWhole) {

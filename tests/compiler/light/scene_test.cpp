@@ -98,6 +98,46 @@ TEST(Patches, AreCutWhereAWallStands) {
     }
 }
 
+// What is linear over a wall comes back at every luxel; each patch keeps its mean; next to a dark patch nothing falls below 0; and a patch without neighbours is constant.
+TEST(Patches, ValuesAtLuxelsAreLinear) {
+    const SurfacesBuilder b = furnace();
+    const Surfaces& s = b.surfaces;
+    const PieceEdges edges = piece_adjacency(s);
+    const PatchTable table = build_patches(b.world, s, edges, 64);
+    std::vector<std::uint32_t> luxel_patch;
+    for (const Luxel& l : s.luxels) luxel_patch.push_back(table.piece_patch[l.first_piece]);
+    const auto linear = [](Vec3 x) { return Rgbd{5000 + x.x + 2 * x.y - 3 * x.z, 9000 - x.y, 4000}; };
+    std::vector<Rgbd> values;
+    for (const Patch& p : table.patches) values.push_back(linear(p.centroid));
+    const std::vector<Rgbd> out = values_at_luxels(s, edges, table, luxel_patch, values);
+    std::size_t looked_at = 0;
+    for (std::size_t l = 0; l < s.luxels.size(); ++l) {
+        const Chart& chart = s.charts[s.luxels[l].chart.at()];
+        if (std::min(chart.width, chart.height) * chart.luxel_size < 129) continue; // no two patches along both axes
+        ++looked_at;
+        const Rgbd want = linear(world_from_luxel(s, s.luxels[l].face, centroid_of(s, s.luxels[l])));
+        for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(out[l][c], want[c], 1.0) << l; // slopes of up to 3 over half a patch: 0.1 % of 96
+    }
+    EXPECT_GT(looked_at, 100u);
+    std::vector<Rgbd> steep(values.size());
+    for (std::size_t p = 0; p < steep.size(); ++p) steep[p] = p % 3 ? Rgbd{} : Rgbd{1, 7, 1e6};
+    const std::vector<Rgbd> sharp = values_at_luxels(s, edges, table, luxel_patch, steep);
+    std::vector<Rgbd> sum(values.size());
+    std::vector<double> area(values.size());
+    for (std::size_t l = 0; l < sharp.size(); ++l) {
+        for (std::size_t c = 0; c < 3; ++c) EXPECT_GE(sharp[l][c], 0);
+        sum[luxel_patch[l]] += sharp[l] * s.luxels[l].area, area[luxel_patch[l]] += s.luxels[l].area;
+    }
+    for (std::size_t p = 0; p < sum.size(); ++p)
+        for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(sum[p][c], steep[p][c] * area[p], 1e-9 * (1 + steep[p][c]) * area[p]);
+    const PatchTable faces = build_patches(b.world, s, edges, 65536);
+    for (std::size_t l = 0; l < s.luxels.size(); ++l) luxel_patch[l] = faces.piece_patch[s.luxels[l].first_piece];
+    std::vector<Rgbd> alone;
+    for (std::size_t p = 0; p < faces.patches.size(); ++p) alone.push_back(Rgbd{1.0 * static_cast<double>(p), 2, 3});
+    const std::vector<Rgbd> flat = values_at_luxels(s, edges, faces, luxel_patch, alone);
+    for (std::size_t l = 0; l < flat.size(); ++l) EXPECT_EQ(flat[l], alone[luxel_patch[l]]);
+}
+
 // Every point of every face finds a patch, and the patch of the piece it lies in.
 TEST(Patches, AreFoundFromPoints) {
     const SurfacesBuilder b = furnace();

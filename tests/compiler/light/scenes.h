@@ -53,6 +53,45 @@ inline SurfacesBuilder two_rooms(double luxel = 10) {
     return b;
 }
 
+inline MaterialId glass(SurfacesBuilder& b, float alpha, Rgb reflectance = {}, std::optional<Rgb> tint = {}, Rgb emission = {}) {
+    const MaterialId id = b.material(reflectance, emission, kTranslucent);
+    Material& m = b.world.materials[id.at()];
+    m.alpha = alpha, m.alpha_stated = true, m.tint = tint;
+    return id;
+}
+// Texels of 0 and 255, two by two.
+inline MaterialId checkers(SurfacesBuilder& b, int texel_size, Rgb reflectance = {}) {
+    const MaterialId id = b.material(reflectance, {}, kAlphaTested);
+    Material& m = b.world.materials[id.at()];
+    m.opacity_map = {2, 2, {255, 0, 0, 255}, {}};
+    m.width = m.height = 2 * texel_size; // a texel a unit
+    return id;
+}
+
+inline Decimal whole(double x) { return {static_cast<std::int64_t>(x), 0}; }
+inline std::array<std::array<Decimal, 3>, 3> points(Vec3 a, Vec3 b, Vec3 c) {
+    return {{{whole(a.x), whole(a.y), whole(a.z)}, {whole(b.x), whole(b.y), whole(b.z)}, {whole(c.x), whole(c.y), whole(c.z)}}};
+}
+// A face of a brush of `thickness` whose other side is the same or, where it has no thickness, is not drawn.
+inline FaceId pane(SurfacesBuilder& b, Vec3 corner, Vec3 u, Vec3 v, MaterialId m, double thickness = 0, double luxel = 16, DocTexture texture = {}) {
+    const MaterialId undrawn = b.material({}, {}, kNoDraw);
+    const Vec3 n = normalize(cross(u, v)), other = corner - n * std::max(1.0, thickness);
+    WorldBrush brush;
+    brush.first_side = static_cast<std::uint32_t>(b.world.sides.size()), brush.side_count = 2, brush.contents = Contents::window;
+    brush.model = ModelId{0};
+    b.world.brushes.push_back(brush);
+    const std::size_t side = b.world.sides.size();
+    b.world.sides.resize(side + 2);
+    b.world.sides[side].points = points(corner, corner + u, corner + v), b.world.sides[side + 1].points = points(other, other + v, other + u);
+    b.world.sides[side].material = m, b.world.sides[side + 1].material = thickness > 0 ? m : undrawn;
+    b.world.sides[side].texture = b.world.sides[side + 1].texture = texture;
+    const FaceOptions options{.luxel = luxel, .blocks_light = false};
+    const FaceId face = b.rect(corner, u, v, m, options);
+    b.surfaces.faces[face.at()].side = SideId{static_cast<std::uint32_t>(side)};
+    if (thickness > 0) b.surfaces.faces[b.rect(other, v, u, m, options).at()].side = SideId{static_cast<std::uint32_t>(side + 1)};
+    return face;
+}
+
 inline std::size_t texel_of(const Surfaces& s, const Luxel& l) {
     const Chart& c = s.charts[l.chart.at()];
     return c.first_texel + l.y * c.width + l.x;

@@ -1,6 +1,10 @@
 // Laws of the whole way: the cache and the thread count change nothing, edits redo what depends on them and no more.
 #include "tests/support/program.h"
 #include "compiler/compile.h"
+#include "libs/core/process.h"
+#include <cmath>
+#include <cstring>
+#include <functional>
 #include <set>
 
 using namespace kiln;
@@ -103,6 +107,149 @@ TEST(Bake, ALightEditedOnAWarmCacheGivesTheBytesOfACleanBuild) {
             EXPECT_EQ(b.level, bake(edited, ContentStore(""), 1, luxel_error).level);
             for (const char* stage : {"csg", "bsp", "visibility", "surfaces"}) EXPECT_FALSE(b.made.contains(stage)) << stage;
         }
+}
+
+// Whatever is edited, on a cache that has seen all the others before: the bytes of a clean build. Some change what rays meet and no patch.
+TEST(Bake, AnyEditOnAWarmCacheGivesTheBytesOfACleanBuild) {
+    struct Case {
+        const char* name;
+        std::string text, materials;
+        std::function<void(CompileOptions&)> set;
+    };
+    const auto materials = [](const char* glass = R"("alpha": 0.5, "tint": [1, 0.5, 0.5])", const char* wall = R"("reflectance": [0.5, 0.5, 0.5])") {
+        return std::string(R"({"materials": {"glass": {"reflectance": [0.2, 0.2, 0.2], )") + glass + R"(}, "wall": {)" + wall + "}}}";
+    };
+    const std::string lit = materials();
+    const auto brush_entity = [](double x, const char* keys, const char* texture = "wall") {
+        return std::string("{\n\"classname\" \"func_wall\"\n") + keys + box(x, 20, 20, x + 4, 60, 60, texture) + "}\n";
+    };
+    const auto with = [](const std::string& brushes, const std::string& keys = "", const std::string& light = "\"light\" \"300\"\n") {
+        return "{\n\"classname\" \"worldspawn\"\n" + keys + room(128, 96, 80) + box(60, 0, 0, 68, 40, 80) + box(60, 56, 0, 68, 96, 80) + brushes + "}\n" + entity("light", 30, 48, 60, light) +
+               entity("info_player_start", 100, 48, 24);
+    };
+    const auto blocker = [&](double z) { return with(box(8, 8, z, 24, 24, z + 4, "common/blocklight")); };
+    const std::string pane = box(63, 40, 0, 65, 56, 80, "glass"), plain = with(""), glazed = with(pane);
+    const std::vector<Case> cases{
+        {"plain", plain, lit, {}},
+        {"blocker", blocker(30), lit, {}},
+        {"blocker moved", blocker(50), lit, {}},
+        {"glass", glazed, lit, {}},
+        {"glass: not there", glazed, materials(R"("alpha": 0)"), {}},
+        {"glass: opaque", glazed, materials(R"("alpha": 1, "translucent": true)"), {}},
+        {"glass: more of it", glazed, materials(R"("alpha": 0.8, "tint": [1, 0.5, 0.5])"), {}},
+        {"glass: another tint", glazed, materials(R"("alpha": 0.5, "tint": [0.5, 1, 0.5])"), {}},
+        {"glass: its hue", glazed, materials(R"("alpha": 0.5, "translucent": true)"), {}},
+        {"wall", plain, materials("\"alpha\": 0.5", R"("reflectance": [0.5, 0.2, 0.5])"), {}},
+        {"wall shines", plain, materials("\"alpha\": 0.5", R"("reflectance": [0.5, 0.5, 0.5], "emission": [1, 1, 1])"), {}},
+        {"brush entity", plain + brush_entity(90, "\"_shadow\" \"1\"\n"), lit, {}},
+        {"brush entity moved", plain + brush_entity(96, "\"_shadow\" \"1\"\n"), lit, {}},
+        {"brush entity without shadow", plain + brush_entity(90, ""), lit, {}},
+        {"brush entity faded", plain + brush_entity(90, "\"_shadow\" \"1\"\n\"alpha\" \"0.5\"\n"), lit, {}},
+        {"sun", with(box(20, 20, 76, 40, 40, 80, "sky"), "\"_sunlight\" \"100\"\n\"_sunlight_mangle\" \"0 -70 0\"\n"), lit, {}},
+        {"sun turned", with(box(20, 20, 76, 40, 40, 80, "sky"), "\"_sunlight\" \"100\"\n\"_sunlight_mangle\" \"30 -60 0\"\n"), lit, {}},
+        {"sky", with(box(20, 20, 76, 40, 40, 80, "sky"), "\"_sunlight2\" \"100\"\n"), lit, {}},
+        {"style", with("", "", "\"light\" \"300\"\n\"style\" \"2\"\n"), lit, {}},
+        {"luxel", plain, lit, [](CompileOptions& o) { o.world.lightmap_scale = 24; }},
+        {"directional", plain, lit, [](CompileOptions& o) { o.light.directional = Directional::all; }},
+        {"encoding", plain, lit, [](CompileOptions& o) { o.light.directional = Directional::all, o.light.encoding = RnmEncoding::sq; }},
+        {"seed", plain, lit, [](CompileOptions& o) { o.light.seed = 2; }},
+        {"error", plain, lit, [](CompileOptions& o) { o.light.error_percent = 15; }},
+        {"plain again", plain, lit, {}},
+    };
+    const Workplace w;
+    const ContentStore store(w.path("cache")), none("");
+    for (const Case& c : cases) {
+        const auto built = [&](const ContentStore& in) {
+            CompileInput input;
+            input.map = {"test.map", Bytes(c.text.begin(), c.text.end())};
+            input.materials = {{"test.materials.json", Bytes(c.materials.begin(), c.materials.end())}};
+            CompileOptions options;
+            options.light.error_percent = 20, options.ambient.error_percent = 80, options.ambient.rays = 64;
+            options.world.lightmap_scale = 32;
+            if (c.set) c.set(options);
+            Context context;
+            context.threads = 1;
+            Compiled out;
+            CompileRun run;
+            run.store = &in;
+            const auto done = compile(input, options, run, context, out);
+            EXPECT_TRUE(done) << c.name << (done ? "" : to_text(done.fault().diagnostic));
+            return out.level;
+        };
+        EXPECT_EQ(built(store), built(none)) << c.name;
+    }
+}
+
+// What no mapper means and some maps have: a level whose light is finite, or an error that says where; and soon.
+TEST(Bake, HostileLightIsFiniteOrAnError) {
+    struct Case {
+        const char* name;
+        std::string text, materials;
+    };
+    const auto rooms = [](const std::string& brushes, const std::string& entities, const std::string& keys = "", const char* wall = "wall") {
+        std::string shell = room(128, 96, 80);
+        for (std::size_t at = 0; (at = shell.find("wall", at)) != std::string::npos; at += std::strlen(wall)) shell.replace(at, 4, wall);
+        return "{\n\"classname\" \"worldspawn\"\n" + keys + shell + brushes + "}\n" + entity("info_player_start", 100, 48, 24) + entities;
+    };
+    const auto light = [](double x, double y, double z, const std::string& value) { return entity("light", x, y, z, "\"light\" \"" + value + "\"\n"); };
+    const auto wall = [](const char* keys) { return std::string(R"({"materials": {"wall": {)") + keys + "}}}"; };
+    const std::string lit = light(30, 48, 60, "300");
+    std::vector<Case> cases{
+        {"nothing at all", "", ""},
+        {"an empty world", "{\n\"classname\" \"worldspawn\"\n}\n", ""},
+        {"one brush, no air", world(box(0, 0, 0, 64, 64, 64)) + lit, ""},
+        {"no light", rooms("", ""), ""},
+        {"intensity 0", rooms("", light(30, 48, 60, "0")), ""},
+        {"intensity 1e30", rooms("", light(30, 48, 60, "1e30")), ""},
+        {"intensity 1e300", rooms("", light(30, 48, 60, "1e300")), ""},
+        {"intensity 1e-30", rooms("", light(30, 48, 60, "1e-30")), ""},
+        {"both", rooms("", light(30, 48, 60, "1e30") + light(90, 48, 60, "1e-30")), ""},
+        {"intensity nan", rooms("", light(30, 48, 60, "nan")), ""},
+        {"negative intensity", rooms("", lit + light(90, 48, 60, "-500")), ""},
+        {"in a wall", rooms("", light(-8, 48, 60, "300")), ""},
+        {"on a face", rooms("", light(0, 48, 60, "300")), ""},
+        {"in a corner", rooms("", light(0, 0, 0, "300")), ""},
+        {"all in one place", rooms("", lit + lit + lit + lit), ""},
+        {"far out", rooms("", light(1e6, 1e6, 1e6, "300")), ""},
+        {"a spot at itself", rooms("", entity("light", 30, 48, 60, "\"light\" \"300\"\n\"target\" \"t\"\n\"angle\" \"0\"\n") + entity("info_null", 30, 48, 60, "\"targetname\" \"t\"\n")), ""},
+        {"a sun without sky", rooms("", lit, "\"_sunlight\" \"300\"\n"), ""},
+        {"a sun along the floor", rooms("", "", "\"_sunlight\" \"1e30\"\n\"_sunlight_mangle\" \"0 0 0\"\n", "sky"), ""},
+        {"all sky", rooms("", lit, "\"_sunlight2\" \"300\"\n", "sky"), ""},
+        {"reflectance 1", rooms("", lit), wall(R"("reflectance": [1, 1, 1])")},
+        {"reflectance 1, shining", rooms("", ""), wall(R"("reflectance": [1, 1, 1], "emission": [1, 1, 1])")},
+        {"black, shining", rooms("", ""), wall(R"("reflectance": [0, 0, 0], "emission": [1, 1, 1])")},
+        {"black, lit", rooms("", lit), wall(R"("reflectance": [0, 0, 0])")},
+        {"emission 1e30", rooms("", ""), wall(R"("reflectance": [0.5, 0.5, 0.5], "emission": [1e30, 0, 0])")},
+        {"emission 1e-30", rooms("", ""), wall(R"("reflectance": [0.5, 0.5, 0.5], "emission": [1e-30, 0, 0])")},
+        {"slivers", rooms(box(20, 20, 20, 20.01, 60, 20.01) + box(40, 20, 0, 60, 20.002, 60), lit), ""},
+        {"a speck", world(box(-1, -1, -1, 2, 2, 0) + box(-1, -1, 1, 2, 2, 2) + box(-1, -1, 0, 0, 2, 1) + box(1, -1, 0, 2, 2, 1) + box(0, -1, 0, 1, 0, 1) + box(0, 1, 0, 1, 2, 1)) +
+                        entity("info_player_start", 0.5, 0.5, 0.5) + light(0.5, 0.5, 0.5, "300"), ""},
+    };
+    std::string lamps;
+    for (int i = 0; i < 2000; ++i) lamps += light(4 + i % 40 * 3, 4 + i / 40 % 25 * 3.5, 20 + i / 1000 * 20, "3");
+    cases.push_back({"2000 lamps", rooms("", lamps), ""});
+    for (const Case& c : cases) {
+        CompileInput input;
+        input.map = {"test.map", Bytes(c.text.begin(), c.text.end())};
+        if (!c.materials.empty()) input.materials = {{"test.materials.json", Bytes(c.materials.begin(), c.materials.end())}};
+        CompileOptions options;
+        options.light.error_percent = 20, options.ambient.error_percent = 80, options.ambient.rays = 64;
+        options.world.lightmap_scale = 32;
+        Context context;
+        context.threads = 2;
+        Compiled out;
+        const CompileRun run;
+        const double before = cpu_seconds();
+        const auto done = compile(input, options, run, context, out);
+        EXPECT_LT(cpu_seconds() - before, 60) << c.name;
+        if (!done) {
+            EXPECT_EQ(done.fault().diagnostic.where.file, "test.map") << c.name << ": " << to_text(done.fault().diagnostic);
+            continue;
+        }
+        validate(out.lighting, out.surfaces);
+        const ErrorReport& e = out.lighting.error;
+        for (const double x : {e.estimate, e.low, e.high, e.noise, e.patch_bias, e.iteration, e.shortcuts, e.solution}) EXPECT_TRUE(std::isfinite(x)) << c.name;
+    }
 }
 
 // The leak test is no part of what the cache keeps: an edit that lets the void in is found on a warm cache.
