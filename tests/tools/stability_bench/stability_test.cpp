@@ -133,9 +133,7 @@ TEST(Stability, F11LightDownACorridor) {
     }
     const SweepReport r = quick("F11");
     EXPECT_LT(most(series(r, 1, "kiln, albedo 0.5")), 5); // over three decades
-    // Not met: at albedo 0.95 the error grows to twice the target towards the far end. Near the lit end it is within.
-    const Series& bright = series(r, 1, "kiln, albedo 0.95");
-    for (std::size_t i = 0; i < bright.x.size(); ++i) EXPECT_LT(bright.y[i], bright.x[i] < 2.5 ? 5 : 15) << bright.x[i];
+    EXPECT_LT(most(series(r, 1, "kiln, albedo 0.95")), 5);
 }
 
 TEST(Stability, F12ThreadsDoNotMatterAndTheEstimateIsNoDream) {
