@@ -25,6 +25,8 @@ const std::vector<std::pair<std::string, Show>> kShows = {
     {"clusters", Show::clusters}, {"probes", Show::probes}};
 const std::vector<std::pair<std::string, FalseColour>> kFalseColours = {
     {"density", FalseColour::luxel_density}, {"error", FalseColour::error}, {"validity", FalseColour::validity}};
+// What the colours of error_colour (tools/render/colours.h) stand for.
+const std::string kErrorKey = "noise of the light gathered at each luxel, relative: dark violet 0.1 % and less, blue 0.6, teal 3.2, green 18, yellow 100; grey: unknown, black: not baked";
 template <class T> std::vector<std::string> names(const std::vector<std::pair<std::string, T>>& table) {
     std::vector<std::string> out;
     for (const auto& [name, value] : table) out.push_back(name);
@@ -95,13 +97,14 @@ public:
         c.texture_directories = o_.materials_dirs;
         c.texture_directories.push_back(std::filesystem::absolute(o_.level).parent_path().string());
         const bool radiance = show == Show::shaded || show == Show::irradiance || show == Show::flat || show == Show::reflection;
-        return save(render_camera(level_, camera, c, context_), radiance, path);
+        return save(render_camera(level_, camera, c, context_), radiance, path, show == Show::error ? kErrorKey : "");
     }
-    int save(const Result<Image>& image, bool radiance, const std::string& path) {
+    int save(const Result<Image>& image, bool radiance, const std::string& path, const std::string& key = {}) {
         console_.print_new(context_);
         if (!image) return console_.fail(image.fault());
         if (const auto written = write_picture(path, *image, radiance, o_.exposure); !written) return console_.fail(written.fault());
         console_.say(path);
+        if (!key.empty()) console_.say(key);
         return 0;
     }
     Camera chosen_camera(int& code) {
@@ -180,13 +183,14 @@ Command image_command(CLI::App& app) {
     auto* other = app.add_option_group("Other pictures");
     other->add_option("--atlas", o->atlas, "Lightmap pages of a basis direction: 0, 1, 2 or flat")->check(CLI::IsMember({"0", "1", "2", "flat"}));
     other->add_option("--false-colour,--false-color", o->false_colour, "Lightmap pages coloured by density, error or validity")->check(CLI::IsMember(names(kFalseColours)));
+    other->add_flag_callback("--error", [o] { o->false_colour = "error"; }, "The same as --false-colour error: " + kErrorKey + ". Only the noise of gathered rays has a place; what else the bake knows of its error is in `kiln info` and reports");
     other->add_option_function<double>("--plan", [o](double z) { o->plan = z, o->plan_given = true; }, "Leaves and portals cut at this height")->check(place)->type_name("Z");
     other->add_option("--vis", o->vis, "A plan of what may be seen from this point: its cluster yellow, what that sees green, what that sees in turn blue; cut at the point's height, or at --plan")->expected(3)->check(place)->type_name("X Y Z");
     other->add_flag("--all", o->all, "A set of pictures beside the level");
     app.add_option("--threads", o->threads, "Worker threads (default: all)")->check(CLI::Range(0, 1024));
     app.add_flag("-q,--quiet", o->quiet, "Only warnings and errors");
     app.footer("examples:\n  kiln image atrium.kiln --view hall -o hall.png\n  kiln image m.kiln --eye 0 0 64 --look-at 100 0 64 --show irradiance -o light.exr\n"
-               "  kiln image m.kiln --vis 64 -128 24              what may be seen from there\n  kiln image m.kiln --atlas 0 -o b0.png\n  kiln image m.kiln --all");
+               "  kiln image m.kiln --vis 64 -128 24              what may be seen from there\n  kiln image m.kiln --atlas 0 -o b0.png\n  kiln image m.kiln --error                      where the light is how noisy\n  kiln image m.kiln --all");
     return [o]() -> int {
         Console console;
         console.quiet = o->quiet;
@@ -205,7 +209,7 @@ Command image_command(CLI::App& app) {
         if (!o->atlas.empty())
             return painter.save(render_atlas(level.get(), o->atlas == "flat" ? -1 : o->atlas[0] - '0'), true, path("atlas_" + o->atlas));
         if (!o->false_colour.empty())
-            return painter.save(render_false_colour(level.get(), lookup(kFalseColours, o->false_colour)), false, path(o->false_colour));
+            return painter.save(render_false_colour(level.get(), lookup(kFalseColours, o->false_colour)), false, path(o->false_colour), o->false_colour == "error" ? kErrorKey : "");
         if (o->vis.size() == 3) {
             const std::uint32_t leaf = kiln_level_find_leaf(level.get(), o->vis.data());
             std::size_t leaves = 0;

@@ -6,10 +6,11 @@
 
 namespace kiln::bench {
 
-std::unique_ptr<Compiled> built(const MapText& map, Context& context, bool allow_leaks) {
+std::unique_ptr<Compiled> built(const MapText& map, Context& context, bool allow_leaks, double smoothing_angle_deg) {
     auto c = std::make_unique<Compiled>();
     CompileOptions options;
     options.bsp.allow_leaks = allow_leaks;
+    options.surfaces.smoothing_angle_deg = smoothing_angle_deg;
     const auto done = compile(map.input(), options, {.store = nullptr, .last = Stage::surfaces, .stage_done = {}}, context, *c);
     const std::vector<Diagnostic> said = context.take_diagnostics();
     if (!done) {

@@ -8,7 +8,7 @@
 namespace kiln::bench {
 
 // Up to its surfaces. Throws what a stage says is at fault: a made map has none.
-std::unique_ptr<Compiled> built(const MapText& map, Context& context, bool allow_leaks = false);
+std::unique_ptr<Compiled> built(const MapText& map, Context& context, bool allow_leaks = false, double smoothing_angle_deg = -1); // of SurfaceOptions
 
 Light sun_along(Vec3 way, double irradiance); // perpendicular to it
 Light lamp_at(Vec3 position, double intensity); // E = intensity / d^2

@@ -48,10 +48,12 @@ TEST(Stability, F1NoBrightLineWhereFacesTouch) {
     for (std::size_t i = 0; i < series(r, 2, "kiln").y.size(); ++i) EXPECT_LT(series(r, 2, "kiln --error 1").y[i], series(r, 2, "kiln").y[i]);
 }
 
-// Not met in all of 30 maps: one luxel of them is off by 11 % (STABILITY.md). In these three all are within.
+// Where edges are smoothed a luxel loses what its own plane hides of the shading normal's hemisphere, up to 11 % in the 30 maps of the
+// full sweep, and no more than that.
 TEST(Stability, F2FurnacesInRandomMapsAreEven) {
     const SweepReport r = quick("F2");
     EXPECT_LT(most(series(r, 0, "kiln")), 5); // every luxel of every map
+    EXPECT_LT(most(series(r, 0, "kiln, smoothed")), most(series(r, 0, "hidden by the luxel's own plane")) + 1);
     EXPECT_LT(most(series(r, 1, "kiln")), 1);
     EXPECT_EQ(most(series(r, 2, "kiln")), 0); // no ray gets out
 }
@@ -131,9 +133,7 @@ TEST(Stability, F11LightDownACorridor) {
     }
     const SweepReport r = quick("F11");
     EXPECT_LT(most(series(r, 1, "kiln, albedo 0.5")), 5); // over three decades
-    // Not met: at albedo 0.95 the error grows to twice the target towards the far end. Near the lit end it is within.
-    const Series& bright = series(r, 1, "kiln, albedo 0.95");
-    for (std::size_t i = 0; i < bright.x.size(); ++i) EXPECT_LT(bright.y[i], bright.x[i] < 2.5 ? 5 : 15) << bright.x[i];
+    EXPECT_LT(most(series(r, 1, "kiln, albedo 0.95")), 5);
 }
 
 TEST(Stability, F12ThreadsDoNotMatterAndTheEstimateIsNoDream) {
