@@ -329,8 +329,8 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.lights = read_lights(world, context);
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
-    const Hash lit = all(without_overlays(out.surfaces, *surfaces), *bsp, hash_of(world.materials), panes_key(world, out.surfaces), lights_key(out.lights));
     const Hash shape = all(without_overlays(out.surfaces, *surfaces), *bsp, panes_key(world, out.surfaces)); // what rays meet, whatever shines
+    const Hash lit = all(shape, hash_of(world.materials), lights_key(out.lights));
     const auto light = stages.run(Stage::light, kLightVersion, all(lit, options.light), places, out.lighting,
                                   [&] { return relight(shape, options.light, run, context, out); });
     if (!light) return light.fault();
