@@ -196,7 +196,7 @@ double sight_radius(const World& world, Context& context) {
 // The visibility stage, taken up where an earlier run was stopped; what it came to is kept where it is stopped again.
 Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const VisibilityOptions& options, const CompileRun& run, Context& context, Compiled& out) {
     const bool keeps = run.store && run.store->enabled() && !options.fast;
-    const Hash place = all(std::string("visibility in progress, 3"), key);
+    const Hash place = all(std::string("visibility in progress, 4"), key);
     std::array<VisibilityProgress, 2> progress; // area portals open, and shut
     const auto begin = std::chrono::steady_clock::now();
     if (keeps)

@@ -63,6 +63,27 @@ Exits exits_of(std::span<const Directed> portals, std::uint32_t cluster_count) {
     return e;
 }
 
+RowLayout::RowLayout(const BitRows& of) : blocks_((of.words() + kBlockWords - 1) / kBlockWords), slot_(of.rows() * blocks_), count_(of.rows()) {
+    for (std::size_t r = 0; r < of.rows(); ++r)
+        for (std::size_t w = 0; w < of.words(); ++w)
+            if (std::uint32_t& slot = slot_[r * blocks_ + w / kBlockWords]; of.row(r)[w] && !slot) slot = ++count_[r];
+}
+RowLayout::RowLayout(std::size_t rows, std::size_t bits, std::span<const std::uint64_t> there) : blocks_((bits + 64 * kBlockWords - 1) / (64 * kBlockWords)), slot_(rows * blocks_), count_(rows) {
+    for (std::size_t i = 0; i < slot_.size() && i / 64 < there.size(); ++i)
+        if (get_bit(there.data(), i)) slot_[i] = ++count_[i / blocks_];
+}
+std::vector<std::uint64_t> RowLayout::there() const {
+    std::vector<std::uint64_t> out((slot_.size() + 63) / 64);
+    for (std::size_t i = 0; i < slot_.size(); ++i)
+        if (slot_[i]) set_bit(out.data(), i);
+    return out;
+}
+SparseRows::SparseRows(const BitRows& of) : SparseRows(std::make_shared<const RowLayout>(of)) {
+    for (std::size_t r = 0; r < of.rows(); ++r)
+        for (std::size_t w = 0; w < of.words(); ++w)
+            if (of.row(r)[w]) *row(r).place(w * 64) = of.row(r)[w];
+}
+
 namespace {
 
 // Rows and columns of 64 by 64 bits change places.
@@ -74,15 +95,20 @@ void transpose(std::uint64_t (&a)[64]) {
             a[k] ^= t << j, a[k | j] ^= t;
         }
 }
-BitRows transposed(BitRows& of, std::size_t n, Context& context) {
+BitRows transposed(const BitRows& of, std::size_t n, Context& context) {
+    constexpr std::size_t kTile = 8; // words: whole cache lines on both sides
     BitRows out(n, n);
-    parallel_for(context, of.words(), [&](std::size_t w) {
-        for (std::size_t v = 0; v < of.words(); ++v) {
-            std::uint64_t block[64];
-            for (std::size_t k = 0; k < 64; ++k) block[k] = v * 64 + k < n ? of.row(v * 64 + k)[w] : 0;
-            transpose(block);
-            for (std::size_t k = 0; k < 64 && w * 64 + k < n; ++k) out.row(w * 64 + k)[v] = block[k];
-        }
+    const std::size_t words = of.words();
+    parallel_for(context, (words + kTile - 1) / kTile, [&](std::size_t tile) {
+        for (std::size_t v0 = 0; v0 < words; v0 += kTile)
+            for (std::size_t w = tile * kTile; w < std::min(words, (tile + 1) * kTile); ++w)
+                for (std::size_t v = v0; v < std::min(words, v0 + kTile); ++v) {
+                    std::uint64_t block[64], any = 0;
+                    for (std::size_t k = 0; k < 64; ++k) any |= block[k] = v * 64 + k < n ? of.row(v * 64 + k)[w] : 0;
+                    if (!any) continue;
+                    transpose(block);
+                    for (std::size_t k = 0; k < 64 && w * 64 + k < n; ++k) out.row(w * 64 + k)[v] = block[k];
+                }
     });
     return out;
 }
@@ -108,12 +134,23 @@ BitRows plane_tests(const DirectedPortals& of, double radius, const std::functio
     const std::span<const Directed> ways = of.ways;
     const std::size_t n = ways.size(), portals = n / 2;
     std::vector<PointsView> shapes(portals);
-    std::vector<double> spheres[4];
-    const double* sphere[4];
-    for (std::size_t k = 0; k < 4; ++k) spheres[k].assign((portals + 3) & ~std::size_t{3}, 0), sphere[k] = spheres[k].data();
+    std::vector<double> spheres[4], around[4]; // of each portal, and of each 64
+    const double *sphere[4], *group[4];
+    for (std::size_t k = 0; k < 4; ++k) {
+        spheres[k].assign((portals + 3) & ~std::size_t{3}, 0), around[k].assign((portals + 63) / 64, 0);
+        sphere[k] = spheres[k].data(), group[k] = around[k].data();
+    }
     for (std::size_t i = 0; i < portals; ++i) {
         shapes[i] = ways[2 * i].shape;
         for (std::size_t k = 0; k < 4; ++k) spheres[k][i] = ways[2 * i].sphere[k];
+    }
+    for (std::size_t g = 0; g < around[0].size(); ++g) {
+        const std::span<const Directed> members = ways.subspan(128 * g, std::min<std::size_t>(128, n - 128 * g));
+        Box3 box;
+        for (const Directed& d : members) box.add(d.center);
+        const Vec3 center = box.center();
+        for (std::size_t k = 0; k < 3; ++k) around[k][g] = center[k];
+        for (const Directed& d : members) around[3][g] = std::max(around[3][g], length(d.center - center) + d.radius);
     }
     // Of each portal's plane, its normal as that of its second way.
     BitRows front(portals, portals), back(portals, portals);
@@ -125,7 +162,7 @@ BitRows plane_tests(const DirectedPortals& of, double radius, const std::functio
             return;
         }
         const double plane[4] = {w.plane.normal.x, w.plane.normal.y, w.plane.normal.z, w.plane.distance};
-        kernels().sides(plane, sphere, shapes.data(), portals, of.rounding.noise, front.row(i), back.row(i));
+        kernels().sides(plane, group, sphere, shapes.data(), portals, of.rounding.noise, front.row(i), back.row(i));
     });
     const BitRows in_front_of = transposed(front, portals, context), behind = transposed(back, portals, context); // row i, bit j: i is so of j
     std::vector<Box3> boxes(radius > 0 ? portals : 0);
@@ -150,10 +187,18 @@ BitRows plane_tests(const DirectedPortals& of, double radius, const std::functio
 
 } // namespace
 
-BitRows flood(const DirectedPortals& of, const Exits& exits, double radius, const std::function<bool()>& stop, Context& context) {
+SparseRows flood(const DirectedPortals& of, const Exits& exits, double radius, const std::function<bool()>& stop, Context& context) {
     const std::span<const Directed> portals = of.ways;
     const std::size_t n = portals.size();
     BitRows base = plane_tests(of, radius, stop, context), reach(n, n);
+    // Exits that a way may go on to, as the test against it alone says.
+    Exits next;
+    next.first.assign(1, 0);
+    for (const Directed& p : portals) {
+        for (const std::uint32_t q : exits.of(p.to))
+            if (get_bit(base.row(next.first.size() - 1), q)) next.portal.push_back(q);
+        next.first.push_back(static_cast<std::uint32_t>(next.portal.size()));
+    }
     parallel_for(context, n, [&](std::size_t p) {
         const std::uint64_t* front = base.row(p);
         std::uint64_t* row = reach.row(p);
@@ -165,11 +210,11 @@ BitRows flood(const DirectedPortals& of, const Exits& exits, double radius, cons
         while (!open.empty()) {
             const std::uint32_t last = open.back();
             open.pop_back();
-            const std::uint64_t* next = base.row(last);
-            for (const std::uint32_t q : exits.of(portals[last].to))
-                if (get_bit(front, q) && get_bit(next, q) && !get_bit(row, q)) set_bit(row, q), open.push_back(q);
+            for (const std::uint32_t q : next.of(last))
+                if (get_bit(front, q) && !get_bit(row, q)) set_bit(row, q), open.push_back(q);
         }
     });
+    base = {};
     // p sees q exactly if q, looked through backwards, sees p backwards.
     const BitRows columns = transposed(reach, n, context);
     parallel_for(context, n, [&](std::size_t p) {
@@ -177,7 +222,7 @@ BitRows flood(const DirectedPortals& of, const Exits& exits, double radius, cons
         const std::uint64_t* column = columns.row(reversed(static_cast<std::uint32_t>(p)));
         for (std::size_t w = 0; w < reach.words(); ++w) reach.row(p)[w] &= (column[w] & kEven) << 1 | (column[w] >> 1 & kEven);
     });
-    return reach;
+    return SparseRows(reach);
 }
 
 } // namespace kiln::vis

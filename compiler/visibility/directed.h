@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -60,6 +61,7 @@ class BitRows {
 public:
     BitRows() = default;
     BitRows(std::size_t rows, std::size_t bits) : words_((bits + 63) / 64), data_(rows * words_) {}
+    std::size_t rows() const { return words_ ? data_.size() / words_ : 0; }
     std::size_t words() const { return words_; }
     std::vector<std::uint64_t>& data() { return data_; }
     std::uint64_t* row(std::size_t r) { return data_.data() + r * words_; }
@@ -78,6 +80,71 @@ inline std::size_t count_bits(const std::uint64_t* row, std::size_t words) {
     return n;
 }
 
+// Of a large map a way reaches a small part. Rows of ways, here and in what comes of them, hold only the blocks of eight words (a cache
+// line) in which the flood has anything; before them stands an empty one, which all that are missing are read from.
+constexpr std::size_t kBlockWords = 8;
+class RowLayout {
+public:
+    explicit RowLayout(const BitRows& of);
+    // `there`: a bit for each block of each row, as `there()` says.
+    RowLayout(std::size_t rows, std::size_t bits, std::span<const std::uint64_t> there);
+    std::vector<std::uint64_t> there() const;
+    std::size_t rows() const { return count_.size(); }
+    std::size_t blocks() const { return blocks_; } // of a row that had them all
+    const std::uint32_t* slots(std::size_t row) const { return slot_.data() + row * blocks_; } // per block its place in the row; 0: not there
+    std::size_t words(std::size_t row) const { return (count_[row] + 1) * kBlockWords; }       // that are kept
+
+private:
+    std::size_t blocks_ = 0;
+    std::vector<std::uint32_t> slot_, count_;
+};
+template <class Word> struct RowOf {
+    const std::uint32_t* slot = nullptr;
+    Word* data = nullptr; // null: no row
+    std::uint64_t word(std::size_t w) const { return data[slot[w / kBlockWords] * kBlockWords + w % kBlockWords]; }
+    bool has(std::size_t i) const { return word(i / 64) >> (i % 64) & 1; }
+    // The word that bit i is kept in; null: nowhere.
+    Word* place(std::size_t i) const { return slot[i / 64 / kBlockWords] ? data + slot[i / 64 / kBlockWords] * kBlockWords + i / 64 % kBlockWords : nullptr; }
+};
+using Row = RowOf<const std::uint64_t>;
+class SparseRows {
+public:
+    SparseRows() = default;
+    // Row r as row `like(r)` of the layout, empty.
+    template <class Like> SparseRows(std::shared_ptr<const RowLayout> layout, std::size_t rows, const Like& like) : layout_(std::move(layout)) {
+        std::size_t size = 0;
+        for (std::size_t r = 0; r < rows; ++r) like_.push_back(static_cast<std::uint32_t>(like(r))), first_.push_back(size), size += layout_->words(like_.back());
+        first_.push_back(size);
+        data_.resize(size);
+    }
+    explicit SparseRows(std::shared_ptr<const RowLayout> layout) : SparseRows(layout, layout->rows(), [](std::size_t r) { return r; }) {}
+    explicit SparseRows(const BitRows& of);
+    const std::shared_ptr<const RowLayout>& layout() const { return layout_; }
+    std::size_t blocks() const { return layout_->blocks(); }
+    std::size_t words() const { return blocks() * kBlockWords; } // of a row that had all
+    std::vector<std::uint64_t>& data() { return data_; }
+    Row row(std::size_t r) const { return {layout_->slots(like_[r]), data_.data() + first_[r]}; }
+    RowOf<std::uint64_t> row(std::size_t r) { return {layout_->slots(like_[r]), data_.data() + first_[r]}; }
+    std::span<const std::uint64_t> kept(std::size_t r) const { return {data_.data() + first_[r], data_.data() + first_[r + 1]}; }
+    std::span<std::uint64_t> kept(std::size_t r) { return {data_.data() + first_[r], data_.data() + first_[r + 1]}; }
+    // f(number of the word, the word) of those that are kept, in order.
+    template <class F> void each_word(std::size_t r, F&& f) const {
+        const Row at = row(r);
+        for (std::size_t b = 0; b < blocks(); ++b)
+            for (std::size_t k = 0; at.slot[b] && k < kBlockWords; ++k) f(b * kBlockWords + k, at.data[at.slot[b] * kBlockWords + k]);
+    }
+
+private:
+    std::shared_ptr<const RowLayout> layout_;
+    std::vector<std::uint32_t> like_;
+    std::vector<std::size_t> first_;
+    std::vector<std::uint64_t> data_;
+};
+// f(i) of each bit.
+template <class F> void each_bit(std::size_t word, std::uint64_t bits, F&& f) {
+    for (; bits; bits &= bits - 1) f(static_cast<std::uint32_t>(word * 64 + static_cast<std::size_t>(std::countr_zero(bits))));
+}
+
 // The directed portals that leave each cluster, in order of their ids.
 struct Exits {
     std::vector<std::uint32_t> first, portal; // cluster c: portal[first[c] .. first[c + 1])
@@ -90,6 +157,6 @@ Exits exits_of(std::span<const Directed> portals, std::uint32_t cluster_count);
 // Row p, bit q: a line can go forward through p and later forward through q, as far as the flood can tell: q is reached
 // from p through portals each of which passes the plane tests against p and against the portal before it.
 // `radius`: of sight, map units, 0: no limit. Once `stop` says so, ways that are left take what their plane tests alone say.
-BitRows flood(const DirectedPortals& portals, const Exits& exits, double radius, const std::function<bool()>& stop, Context& context);
+SparseRows flood(const DirectedPortals& portals, const Exits& exits, double radius, const std::function<bool()>& stop, Context& context);
 
 } // namespace kiln::vis

@@ -1,9 +1,11 @@
 #include "compiler/visibility/flow.h"
 #include "libs/parallel/parallel.h"
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <deque>
 #include <numeric>
+#include <utility>
 
 namespace kiln::vis {
 
@@ -85,11 +87,20 @@ bool has(const std::vector<Bits>& list, std::uint32_t i) {
     return at != list.end() && at->word == i / 64 && (at->bits >> (i % 64) & 1);
 }
 
+// What of a list lies in two rows and was not seen; how much of it.
+std::size_t still_wanted(std::span<const Bits> list, Row a, Row b, const std::uint64_t* seen, Bits* out) {
+    std::size_t n = 0;
+    for (const Bits& from : list) {
+        out[n] = {from.word, from.bits & a.word(from.word) & b.word(from.word) & ~seen[from.word]};
+        n += out[n].bits != 0;
+    }
+    return n;
+}
+
 struct Frame {
     std::uint32_t portal = 0;             // the one entered last
     std::uint32_t next = 0;               // which exit of its cluster comes next
-    const std::uint64_t* reach = nullptr; // what may be seen behind it, as far as sets tell that are known beforehand
-    const std::uint64_t* passage = nullptr;
+    Row reach, passage;                   // what may be seen behind it, as far as sets tell that are known beforehand
     Polygon source, pass;                 // the base portal's has no pass and no separators
     Planes separators;                    // of (source, pass)
     std::vector<Bits> wanted;             // what may be seen from here on, was not seen yet and lies behind no plane of the chain
@@ -100,7 +111,7 @@ bool hidden(const Directed& portal, const Planes& planes, double noise) { return
 // May the chain go on to q, as far as sets and planes of all its frames tell? For what was seen already when these were made.
 bool excluded(const std::deque<Frame>& frames, std::size_t depth, const Directed& portal, std::uint32_t q, double noise) {
     for (std::size_t d = 0; d <= depth; ++d)
-        if (!get_bit(frames[d].reach, q) || (frames[d].passage && !get_bit(frames[d].passage, q))) return true;
+        if (!frames[d].reach.has(q) || (frames[d].passage.data && !frames[d].passage.has(q))) return true;
     for (std::size_t d = depth; d > 0; --d)
         if (hidden(portal, frames[d].separators, noise)) return true;
     return false;
@@ -146,20 +157,21 @@ bool line_through(const FlowInput& in, std::span<const std::uint32_t> chain, con
 
 } // namespace
 
-Passages::Passages(const DirectedPortals& of, const Exits& exits, const BitRows& reach, double epsilon, std::size_t most, const std::function<bool()>& stop, Context& context) : first_(of.ways.size(), kNone) {
+Passages::Passages(const DirectedPortals& of, const Exits& exits, const SparseRows& reach, double epsilon, std::size_t most, const std::function<bool()>& stop, Context& context) : first_(of.ways.size(), kNone) {
     const std::span<const Directed> portals = of.ways;
     const double noise = of.rounding.noise;
-    const std::size_t words = reach.words();
     std::vector<std::uint32_t> order(portals.size());
     std::iota(order.begin(), order.end(), 0u);
     std::ranges::stable_sort(order, {}, [&](std::uint32_t p) { return exits.of(portals[p].to).size(); });
-    std::size_t rows = 0;
+    std::vector<std::uint32_t> like;
+    std::size_t bytes = 0;
     for (const std::uint32_t p : order) {
         const std::size_t more = exits.of(portals[p].to).size();
-        if ((rows + more) * words * sizeof(std::uint64_t) > most) break;
-        first_[p] = rows, rows += more;
+        bytes += more * reach.layout()->words(p) * sizeof(std::uint64_t);
+        if (bytes > most) break;
+        first_[p] = like.size(), like.insert(like.end(), more, p);
     }
-    rows_ = BitRows(rows, portals.size());
+    rows_ = SparseRows(reach.layout(), like.size(), [&](std::size_t r) { return like[r]; });
     parallel_for(context, portals.size(), [&](std::size_t p) {
         if (first_[p] == kNone) return;
         const auto out = exits.of(portals[p].to);
@@ -167,53 +179,58 @@ Passages::Passages(const DirectedPortals& of, const Exits& exits, const BitRows&
         Planes planes;
         for (std::size_t k = 0; k < out.size(); ++k) {
             const std::uint32_t q = out[k];
-            if (!get_bit(reach.row(p), q)) continue;
-            std::uint64_t* row = rows_.row(first_[p] + k);
-            for (std::size_t w = 0; w < words; ++w) row[w] = reach.row(p)[w] & reach.row(q)[w];
+            if (!reach.row(p).has(q)) continue;
+            const auto row = rows_.row(first_[p] + k);
+            reach.each_word(p, [&](std::size_t w, std::uint64_t bits) {
+                if (bits &= reach.row(q).word(w)) *row.place(w * 64) = bits;
+            });
             if (stop() || !in_front(portals[p], portals[q], epsilon, noise, pass, scratch) || !behind(portals[q], portals[p], portals[p].shape, epsilon, noise, source, scratch)) continue;
             planes.separate(source.view(), portals[p], pass.view(), portals[q], of.rounding);
-            for (std::size_t w = 0; w < words; ++w)
-                if (row[w]) row[w] = not_hidden(portals, planes, w, row[w], noise);
+            rows_.each_word(first_[p] + k, [&](std::size_t w, std::uint64_t bits) {
+                if (bits) *row.place(w * 64) = not_hidden(portals, planes, w, bits, noise);
+            });
         }
     });
 }
 
-void Passages::tighten(std::span<const Directed> portals, const Exits& exits, BitRows& reach, const std::function<bool()>& stop, Context& context) const {
-    const std::size_t words = reach.words(), n = portals.size();
+void Passages::tighten(std::span<const Directed> portals, const Exits& exits, SparseRows& reach, const std::function<bool()>& stop, Context& context) const {
+    const std::size_t n = portals.size();
     std::vector<std::vector<std::uint32_t>> entries(exits.first.size() - 1); // ways into each cluster
     for (std::uint32_t p = 0; p < n; ++p) entries[portals[p].to].push_back(p);
     std::vector<std::uint32_t> todo(n);
     std::iota(todo.begin(), todo.end(), 0u);
     std::vector<std::uint8_t> changed(n);
     while (!todo.empty() && !stop()) {
-        BitRows struck(todo.size(), n);
+        SparseRows struck(reach.layout(), todo.size(), [&](std::size_t i) { return todo[i]; });
         // Along a chain each portal is behind the passage before it.
         parallel_for(context, todo.size(), [&](std::size_t i) {
             const std::uint32_t p = todo[i];
-            std::uint64_t* row = struck.row(i);
-            const std::uint64_t* old = reach.row(p);
+            const auto row = struck.row(i);
+            const Row old = std::as_const(reach).row(p);
             const auto out = exits.of(portals[p].to);
-            std::copy_n(old, words, row);
-            std::vector<std::pair<const std::uint64_t*, const std::uint64_t*>> beyond; // seen through the next portal, and through the two
+            std::ranges::copy(std::as_const(reach).kept(p), row.data);
             for (std::size_t k = 0; k < out.size(); ++k) {
-                if (!get_bit(old, out[k])) continue;
-                clear_bit(row, out[k]);
-                beyond.emplace_back(reach.row(out[k]), of(p, k));
+                if (!old.has(out[k])) continue;
+                *row.place(out[k]) &= ~(std::uint64_t{1} << (out[k] % 64));
+                const Row next = std::as_const(reach).row(out[k]), both = of(p, k); // seen through the next portal, and through the two
+                for (std::size_t b = 0; b < reach.blocks(); ++b) {
+                    if (!row.slot[b] || !next.slot[b]) continue;
+                    std::uint64_t* left = row.data + row.slot[b] * kBlockWords;
+                    const std::uint64_t *one = next.data + next.slot[b] * kBlockWords, *two = both.data ? both.data + both.slot[b] * kBlockWords : one;
+                    for (std::size_t w = 0; w < kBlockWords; ++w) left[w] &= ~(one[w] & two[w]);
+                }
             }
-            for (std::size_t w = 0; w < words; ++w)
-                for (auto it = beyond.begin(); row[w] && it != beyond.end(); ++it) row[w] &= ~(it->first[w] & (it->second ? it->second[w] : ~std::uint64_t{0}));
         });
         // p sees q exactly if q, looked through backwards, sees p backwards.
         std::ranges::fill(changed, std::uint8_t{0});
-        for (std::size_t i = 0; i < todo.size(); ++i) {
+        const auto strike = [&](std::uint32_t a, std::uint32_t b) {
+            std::atomic_ref(*reach.row(a).place(b)).fetch_and(~(std::uint64_t{1} << (b % 64)), std::memory_order_relaxed);
+            std::atomic_ref(changed[a]).store(1, std::memory_order_relaxed);
+        };
+        parallel_for(context, todo.size(), [&](std::size_t i) {
             const std::uint32_t p = todo[i];
-            for (std::size_t w = 0; w < words; ++w)
-                for (std::uint64_t bits = struck.row(i)[w]; bits; bits &= bits - 1) {
-                    const auto q = static_cast<std::uint32_t>(w * 64 + static_cast<std::size_t>(std::countr_zero(bits)));
-                    clear_bit(reach.row(p), q), clear_bit(reach.row(reversed(q)), reversed(p));
-                    changed[p] = changed[reversed(q)] = 1;
-                }
-        }
+            struck.each_word(i, [&](std::size_t w, std::uint64_t bits) { each_bit(w, bits, [&](std::uint32_t q) { strike(p, q), strike(reversed(q), reversed(p)); }); });
+        });
         // Whose row changed, and who looks through them, may have more to strike.
         std::vector<std::uint8_t> again(n, 0);
         for (std::uint32_t p = 0; p < n; ++p)
@@ -232,7 +249,6 @@ FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget,
     const std::span<const Directed> portals = in.portals->ways;
     const Rounding& rounding = in.portals->rounding;
     const double noise = rounding.noise;
-    const std::size_t words = in.reach->words();
     const Directed& b = portals[base];
     std::deque<Frame> frames(1); // a deque: frames stay where they are while deeper ones come
     std::vector<std::uint8_t> on_chain(portals.size(), 0);
@@ -243,8 +259,9 @@ FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget,
     frames[0].portal = base;
     frames[0].source.assign(b.shape);
     frames[0].reach = in.reach->row(base);
-    for (std::size_t w = 0; w < words; ++w)
-        if (const std::uint64_t bits = frames[0].reach[w] & ~seen[w]) frames[0].wanted.push_back({static_cast<std::uint32_t>(w), bits});
+    in.reach->each_word(base, [&](std::size_t w, std::uint64_t bits) {
+        if (bits &= ~seen[w]) frames[0].wanted.push_back({static_cast<std::uint32_t>(w), bits});
+    });
     on_chain[base] = 1;
     std::size_t depth = 0;
     for (;;) {
@@ -265,12 +282,8 @@ FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget,
         Frame& g = frames[depth + 1];
         g.reach = in.reach->row(q);
         g.passage = in.passages->of(f.portal, way);
-        g.wanted.clear();
-        for (const Bits& from : f.wanted)
-            if (std::uint64_t bits = from.bits & g.reach[from.word] & ~seen[from.word]) {
-                if (g.passage) bits &= g.passage[from.word];
-                if (bits) g.wanted.push_back({from.word, bits});
-            }
+        g.wanted.resize(f.wanted.size());
+        g.wanted.resize(still_wanted(f.wanted, g.reach, g.passage.data ? g.passage : g.reach, seen, g.wanted.data()));
         if (g.wanted.empty() && known) continue;
         if ((++found.steps & 255) == 0 && (*in.stop)()) return FlowEnd::stopped;
         if (step_budget && found.steps >= step_budget) return FlowEnd::over_budget;
@@ -301,7 +314,7 @@ FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget,
         }
         if (!g.wanted.empty()) {
             g.separators.separate(g.source.view(), b, g.pass.view(), t, rounding);
-            if (depth > 0 || !g.passage) { // else struck by these very planes
+            if (depth > 0 || !g.passage.data) { // else struck by these very planes
                 for (Bits& some : g.wanted) some.bits = not_hidden(portals, g.separators, some.word, some.bits, noise);
                 std::erase_if(g.wanted, [](const Bits& some) { return some.bits == 0; });
             }

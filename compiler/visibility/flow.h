@@ -52,23 +52,23 @@ struct OnePlane {
 class Passages {
 public:
     // `most`: bytes; ways into clusters with the most ways out go without. Once `stop` says so, the rest is left as it is.
-    Passages(const DirectedPortals& portals, const Exits& exits, const BitRows& reach, double epsilon, std::size_t most, const std::function<bool()>& stop, Context& context);
-    // Of the k-th way out; null: not known, anything.
-    const std::uint64_t* of(std::uint32_t p, std::size_t k) const { return first_[p] == kNone ? nullptr : rows_.row(first_[p] + k); }
+    Passages(const DirectedPortals& portals, const Exits& exits, const SparseRows& reach, double epsilon, std::size_t most, const std::function<bool()>& stop, Context& context);
+    // Of the k-th way out; without data: not known, anything.
+    Row of(std::uint32_t p, std::size_t k) const { return first_[p] == kNone ? Row{} : rows_.row(first_[p] + k); }
     // Strikes from `reach` what is behind no passage, and what does not see back, until nothing changes or `stop` says so.
-    void tighten(std::span<const Directed> portals, const Exits& exits, BitRows& reach, const std::function<bool()>& stop, Context& context) const;
+    void tighten(std::span<const Directed> portals, const Exits& exits, SparseRows& reach, const std::function<bool()>& stop, Context& context) const;
 
 private:
     static constexpr std::size_t kNone = SIZE_MAX;
     std::vector<std::size_t> first_;
-    BitRows rows_;
+    SparseRows rows_;
 };
 
 struct FlowInput {
     const DirectedPortals* portals;
     const Exits* exits;
     const Windows* windows;
-    const BitRows* reach;               // per portal: an upper bound
+    const SparseRows* reach;            // per portal: an upper bound
     const Passages* passages;
     double epsilon;                     // map units every clip leaves standing behind its plane
     const std::function<bool()>* stop;  // asked now and then: true ends it
@@ -99,7 +99,7 @@ struct FlowFound {
     Chains witnesses; // of each portal that was added the chain that led to it: valid as long as along it each `reach` holds all later ones
     Chains lines;     // those among them that a line was found through
 };
-// Adds the portals seen through p to `seen`. What is marked there beforehand need not be searched for; whether it is changes
+// Adds the portals seen through p to `seen` (as many words as whole rows of `reach` have). What is marked there beforehand need not be searched for; whether it is changes
 // nothing of what is added. Not done: `seen` is unusable. `chain`: ends at the first that is added and says how it was reached.
 FlowEnd flow(const FlowInput& input, std::uint32_t p, std::uint64_t step_budget, std::uint64_t* seen, FlowFound& found, SightChain* chain = nullptr);
 

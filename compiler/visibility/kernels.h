@@ -39,8 +39,8 @@ struct Kernels {
     // Is no point of a polygon (with a sphere around it) by more than `noise` in front of one of the planes?
     bool (*hidden)(const PointsView& points, const double* sphere, const PlanesView& planes, double noise);
     // Bit k of `front`, `back`: some point of polygon k lies by more than `noise` in front of the plane, behind it. `spheres`: x, y, z and
-    // radius, four arrays of so many, padded; words of 64.
-    void (*sides)(const double* plane, const double* const* spheres, const PointsView* points, std::size_t count, double noise, std::uint64_t* front, std::uint64_t* back);
+    // radius, four arrays of so many, padded; `groups`: the same around each 64 of them; words of 64.
+    void (*sides)(const double* plane, const double* const* groups, const double* const* spheres, const PointsView* points, std::size_t count, double noise, std::uint64_t* front, std::uint64_t* back);
 };
 const Kernels& kernels(); // the best for this processor
 const Kernels& plain_kernels();

@@ -170,11 +170,14 @@ bool hidden_kernel(const PointsView& points, const double* sphere, const PlanesV
     return false;
 }
 
-void sides_kernel(const double* plane, const double* const* spheres, const PointsView* points, std::size_t count, double noise, std::uint64_t* front, std::uint64_t* back) {
+void sides_kernel(const double* plane, const double* const* groups, const double* const* spheres, const PointsView* points, std::size_t count, double noise, std::uint64_t* front, std::uint64_t* back) {
     const Four nx = all_of(plane[0]), ny = all_of(plane[1]), nz = all_of(plane[2]), nd = all_of(plane[3]), over = all_of(noise), under = all_of(-noise);
     for (std::size_t word = 0; word * 64 < count; ++word) {
         std::uint64_t f = 0, b = 0;
-        for (std::size_t k = word * 64; k < word * 64 + 64 && k < count; k += 4) {
+        // All of them far on one side: what each would say, and more than rounding away from saying anything else.
+        const double middle = plane[0] * groups[0][word] + plane[1] * groups[1][word] + plane[2] * groups[2][word] - plane[3], beyond = groups[3][word] + 4 * noise;
+        if (__builtin_fabs(middle) > beyond) (middle > 0 ? f : b) = ~std::uint64_t{0};
+        else for (std::size_t k = word * 64; k < word * 64 + 64 && k < count; k += 4) {
             const Four at = nx * load(spheres[0] + k) + ny * load(spheres[1] + k) + nz * load(spheres[2] + k) - nd, radius = load(spheres[3] + k);
             unsigned is_front = bits(at > over), is_back = bits(at < under);
             // Not so by its centre, and near enough to the plane to be so by a point.

@@ -65,22 +65,21 @@ Vec3 any_point_in(std::span<const Vec3> w, Random& random) {
 
 } // namespace
 
-BitRows proven(const DirectedPortals& of, const Exits& exits, const Windows& windows, const BitRows& reach, std::uint32_t rays, const std::function<bool()>& stop, Context& context) {
+SparseRows proven(const DirectedPortals& of, const Exits& exits, const Windows& windows, const SparseRows& reach, std::uint32_t rays, const std::function<bool()>& stop, Context& context) {
     const std::span<const Directed> portals = of.ways;
     const std::size_t n = portals.size(), words = reach.words();
-    BitRows known(n, n);
+    SparseRows known(reach.layout());
     const auto mark = [&](std::uint32_t a, std::uint32_t b) {
         const std::uint64_t bit = std::uint64_t{1} << (b % 64);
-        if (!(reach.row(a)[b / 64] & bit)) return;
-        const std::atomic_ref word(known.row(a)[b / 64]);
+        if (!(reach.row(a).word(b / 64) & bit)) return;
+        const std::atomic_ref word(*known.row(a).place(b));
         if (!(word.load(std::memory_order_relaxed) & bit)) word.fetch_or(bit, std::memory_order_relaxed);
     };
     parallel_for(context, n, [&](std::size_t i) {
         const auto p = static_cast<std::uint32_t>(i);
         if (stop()) return;
         std::vector<std::uint32_t> open; // what may be seen from here, and no line of this portal has reached yet
-        for (std::size_t w = 0; w < words; ++w)
-            for (std::uint64_t bits = reach.row(p)[w]; bits; bits &= bits - 1) open.push_back(static_cast<std::uint32_t>(w * 64 + static_cast<std::size_t>(std::countr_zero(bits))));
+        reach.each_word(p, [&](std::size_t w, std::uint64_t bits) { each_bit(w, bits, [&](std::uint32_t q) { open.push_back(q); }); });
         std::vector<std::uint64_t> mine(words, 0);
         Random random(p);
         std::vector<std::uint32_t> chain;

@@ -37,7 +37,7 @@ private:
 
 // What random lines prove of what `reach` holds: from portal to portal through the clusters, `rays` a way, aimed at that. Of what
 // they prove the bits of `reach` are marked.
-BitRows proven(const DirectedPortals& portals, const Exits& exits, const Windows& windows, const BitRows& reach, std::uint32_t rays, const std::function<bool()>& stop, Context& context);
+SparseRows proven(const DirectedPortals& portals, const Exits& exits, const Windows& windows, const SparseRows& reach, std::uint32_t rays, const std::function<bool()>& stop, Context& context);
 
 Vec3 point_in(const std::vector<Vec3>& winding, Random& random); // uniform over it
 

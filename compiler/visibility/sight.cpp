@@ -43,7 +43,7 @@ std::optional<SightChain> find_sight(std::span<const VisPortal> map_portals, std
         if (portals[p].to == to && offer({{p}, *portals[p].winding, *portals[p].winding, {}})) return found;
     if (found) return found; // neighbours by a portal without area
     const std::function<bool()> stop = [&] { return context.cancelled(); };
-    const BitRows reach = flood(directed, exits, options.radius, stop, context);
+    const SparseRows reach = flood(directed, exits, options.radius, stop, context);
     const Passages none(directed, exits, reach, options.epsilon, 0, stop, context);
     const FlowInput input{&directed, &exits, &windows, &reach, &none, options.epsilon, &stop};
     for (const std::uint32_t p : exits.of(from)) {

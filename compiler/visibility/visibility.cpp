@@ -2,10 +2,12 @@
 #include "compiler/visibility/flow.h"
 #include "libs/parallel/parallel.h"
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <ctime>
 #include <fmt/format.h>
 #include <numeric>
+#include <utility>
 
 namespace kiln {
 
@@ -33,7 +35,7 @@ double thread_seconds() { // CPU time of this thread
     return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-Visibility rows_of(std::span<const Directed> portals, const Exits& exits, const BitRows& seen,
+Visibility rows_of(std::span<const Directed> portals, const Exits& exits, const SparseRows& seen,
                    std::uint32_t cluster_count, Context& context) {
     Visibility v;
     v.cluster_count = cluster_count;
@@ -45,17 +47,13 @@ Visibility rows_of(std::span<const Directed> portals, const Exits& exits, const 
         std::vector<std::uint64_t> all(seen.words(), 0);
         for (const std::uint32_t p : exits.of(static_cast<std::uint32_t>(c))) {
             set_bit(all.data(), p);
-            for (std::size_t w = 0; w < seen.words(); ++w) all[w] |= seen.row(p)[w];
+            seen.each_word(p, [&](std::size_t w, std::uint64_t bits) { all[w] |= bits; });
         }
-        for (std::size_t w = 0; w < all.size(); ++w)
-            for (std::uint64_t bits = all[w]; bits; bits &= bits - 1)
-                set_bit(row, portals[w * 64 + static_cast<std::size_t>(std::countr_zero(bits))].to);
+        for (std::size_t w = 0; w < all.size(); ++w) each_bit(w, all[w], [&](std::uint32_t p) { set_bit(row, portals[p].to); });
     });
     const std::vector<std::uint64_t> directed = v.rows;
     for (std::size_t c = 0; c < cluster_count; ++c)
-        for (std::size_t w = 0; w < words; ++w)
-            for (std::uint64_t bits = directed[c * words + w]; bits; bits &= bits - 1)
-                set_bit(v.rows.data() + (w * 64 + static_cast<std::size_t>(std::countr_zero(bits))) * words, c);
+        for (std::size_t w = 0; w < words; ++w) each_bit(w, directed[c * words + w], [&](std::uint32_t to) { set_bit(v.rows.data() + to * words, c); });
     return v;
 }
 
@@ -83,13 +81,19 @@ std::optional<Fault> unusable(std::span<const VisPortal> portals, std::uint32_t 
 // others are struck. That set is one and the same in whatever order it is come to: NOTES.md.
 class Flows {
 public:
-    Flows(const DirectedPortals& portals, const Exits& exits, BitRows& reach, const VisibilityOptions& options, const VisibilityRun& run, VisibilityProgress& state, const std::function<bool()>& stop, Context& context)
+    Flows(const DirectedPortals& portals, const Exits& exits, SparseRows& reach, const VisibilityOptions& options, const VisibilityRun& run, VisibilityProgress& state, const std::function<bool()>& stop, Context& context)
         : portals_(portals.ways), directed_(portals), exits_(exits), reach_(reach), options_(options), run_(run), state_(state), stop_(stop), context_(context), windows_(portals), words_(reach.words()) {}
 
     // False: time was up.
     bool run() {
         const std::size_t n = portals_.size();
-        const bool resumed = state_.begun && state_.reach.size() == reach_.data().size() && state_.proven.size() == reach_.data().size() && state_.loose.size() == n;
+        bool resumed = false;
+        if (state_.begun) {
+            // Its own parts: where time was up in the flood, rows have others.
+            SparseRows kept(std::make_shared<const RowLayout>(n, n, state_.blocks));
+            resumed = state_.reach.size() == kept.data().size() && state_.proven.size() == kept.data().size() && state_.loose.size() == n;
+            if (resumed) reach_ = std::move(kept);
+        }
         if (!resumed) {
             state_ = {};
             state_.open.resize(n);
@@ -103,15 +107,15 @@ public:
         // Of a start that was not finished nothing is kept: passages and lines would not be the same later.
         if (late()) return false;
         if (resumed) {
-            known_ = BitRows(n, n);
+            known_ = SparseRows(reach_.layout());
             known_.data() = std::move(state_.proven);
         } else {
-            known_ = options_.rays ? proven(directed_, exits_, windows_, reach_, options_.rays, stop_, context_) : BitRows(n, n);
+            known_ = options_.rays ? proven(directed_, exits_, windows_, reach_, options_.rays, stop_, context_) : SparseRows(reach_.layout());
             if (late()) return false;
         }
         set_ranks();
         count_.resize(n);
-        for (std::size_t p = 0; p < n; ++p) count_[p] = count_bits(reach_.row(p), words_);
+        for (std::size_t p = 0; p < n; ++p) count_[p] = count_bits(reach_.kept(p).data(), reach_.kept(p).size());
         const FlowInput input{&directed_, &exits_, &windows_, &reach_, &passages, options_.epsilon, &stop_};
         try {
             for (;;) {
@@ -132,8 +136,8 @@ private:
     std::span<const Directed> portals_;
     const DirectedPortals& directed_;
     const Exits& exits_;
-    BitRows& reach_;
-    BitRows known_; // what a way sees, whatever its flow would say
+    SparseRows& reach_;
+    SparseRows known_; // what a way sees, whatever its flow would say
     const VisibilityOptions& options_;
     const VisibilityRun& run_;
     VisibilityProgress& state_;
@@ -150,7 +154,7 @@ private:
     }
     bool keep(bool whole) {
         state_.begun = true;
-        if (run_.progress) state_.reach = reach_.data(), state_.proven = known_.data();
+        if (run_.progress) state_.blocks = reach_.layout()->there(), state_.reach = reach_.data(), state_.proven = known_.data();
         return whole;
     }
     // Each pair is searched for from one of its ends, the one that lies first in a direction that is no axis: a way then looks for
@@ -165,12 +169,14 @@ private:
     }
     void not_searched(std::uint32_t p, std::uint64_t* row) const {
         const std::uint32_t mine = rank_[p / 2];
-        for (std::size_t w = 0; w < words_; ++w) {
+        const Row known = std::as_const(known_).row(p);
+        reach_.each_word(p, [&](std::size_t w, std::uint64_t may) {
+            if (!may) return;
             std::uint64_t others = 0;
             const std::size_t first = w * 32, count = std::min<std::size_t>(32, rank_.size() - first);
             for (std::size_t k = 0; k < count; ++k) others |= static_cast<std::uint64_t>(rank_[first + k] < mine ? 3 : 0) << (2 * k);
-            row[w] = (known_.row(p)[w] | others) & reach_.row(p)[w];
-        }
+            row[w] = (known.word(w) | others) & may;
+        });
     }
     std::uint64_t left() const { return options_.total_budget > state_.steps ? options_.total_budget - state_.steps : 0; }
     // Those that had no luck with their share of the budget try with a larger one, while that is worth a try.
@@ -188,16 +194,19 @@ private:
     // p does not see q: q looked through backwards does not see p backwards.
     void strike(std::uint32_t p, std::uint32_t q) {
         for (const auto& [a, b] : {std::pair{p, q}, std::pair{reversed(q), reversed(p)}})
-            if (get_bit(reach_.row(a), b)) clear_bit(reach_.row(a), b), --count_[a];
+            if (reach_.row(a).has(b)) *reach_.row(a).place(b) &= ~(std::uint64_t{1} << (b % 64)), --count_[a];
     }
-    // Along a line each portal sees all later ones, and backwards.
-    void learn(const Chains& lines) {
-        for (std::size_t i = 0; i < lines.size(); ++i)
-            for (std::size_t a = 0; a < lines[i].size(); ++a)
-                for (std::size_t b = a + 1; b < lines[i].size(); ++b) {
-                    set_bit(known_.row(lines[i][a]), lines[i][b]);
-                    set_bit(known_.row(reversed(lines[i][b])), reversed(lines[i][a]));
-                }
+    void note(std::uint32_t p, std::uint32_t q) {
+        if (std::uint64_t* word = known_.row(p).place(q)) std::atomic_ref(*word).fetch_or(std::uint64_t{1} << (q % 64), std::memory_order_relaxed);
+    }
+    // Along a line each portal sees all later ones, and backwards. A line is one, however the search went on.
+    void learn(const std::vector<FlowFound>& found) {
+        parallel_for(context_, found.size(), [&](std::size_t f) {
+            const Chains& lines = found[f].lines;
+            for (std::size_t i = 0; i < lines.size(); ++i)
+                for (std::size_t a = 0; a < lines[i].size(); ++a)
+                    for (std::size_t b = a + 1; b < lines[i].size(); ++b) note(lines[i][a], lines[i][b]), note(reversed(lines[i][b]), reversed(lines[i][a]));
+        });
     }
     void remember(const Chains& witnesses) {
         for (std::size_t i = 0; i < witnesses.size(); ++i) {
@@ -206,8 +215,7 @@ private:
         }
     }
     void strike_unseen(std::uint32_t p, const std::uint64_t* seen) {
-        for (std::size_t w = 0; w < words_; ++w)
-            for (std::uint64_t bits = reach_.row(p)[w] & ~seen[w]; bits; bits &= bits - 1) strike(p, static_cast<std::uint32_t>(w * 64 + static_cast<std::size_t>(std::countr_zero(bits))));
+        reach_.each_word(p, [&](std::size_t w, std::uint64_t bits) { each_bit(w, bits & ~seen[w], [&](std::uint32_t q) { strike(p, q); }); });
     }
 
     // The flows of some ways, all from what is known before the first of them: whoever is quicker. False: stopped, and none of them counts.
@@ -220,13 +228,15 @@ private:
         r.found.assign(ways.size(), {});
         r.ends.assign(ways.size(), FlowEnd::stopped);
         std::vector<double> seconds(ways.size(), 0);
-        parallel_for(context_, ways.size(), [&](std::size_t i) {
+        parallel_for(context_, ways.size(), [&](std::size_t k) { // the longest first: threads then end together
+            const std::size_t i = ways.size() - 1 - k;
             const auto begin = thread_seconds();
             r.ends[i] = flow(input, ways[i], budget, r.rows.data() + i * words_, r.found[i]);
-            seconds[i] = thread_seconds() - begin;
+            seconds[k] = thread_seconds() - begin;
         });
         if (std::ranges::find(r.ends, FlowEnd::stopped) != r.ends.end()) return context_.check_cancelled(), false;
         if (run_.waves) run_.waves->push_back(std::move(seconds));
+        learn(r.found); // may yet be cancelled; from here on the state changes as a whole
         return true;
     }
 
@@ -242,14 +252,12 @@ private:
         const std::uint64_t budget = !share ? options_.step_budget : options_.step_budget ? std::min(share, options_.step_budget) : share;
         Results r;
         r.rows.resize(size * words_);
-        for (std::size_t i = 0; i < size; ++i)
-            not_searched(wave[i], r.rows.data() + i * words_);
+        parallel_for(context_, size, [&](std::size_t i) { not_searched(wave[i], r.rows.data() + i * words_); });
         if (!flows(input, wave, budget, r)) return false;
         open.erase(open.begin(), open.begin() + static_cast<std::ptrdiff_t>(size));
         for (std::size_t i = 0; i < size; ++i) {
             const std::uint32_t p = wave[i];
             state_.steps += r.found[i].steps;
-            learn(r.found[i].lines); // a line is one, however the search went on
             if (r.ends[i] == FlowEnd::done) {
                 strike_unseen(p, r.rows.data() + i * words_);
                 remember(r.found[i].witnesses);
@@ -266,10 +274,10 @@ private:
 
     // Of those that no line proves: is the chain still one that holds, or did a way done later strike what it goes through?
     bool holds(std::span<const std::uint32_t> chain) const {
-        if (get_bit(known_.row(chain.front()), chain.back())) return true;
+        if (known_.row(chain.front()).has(chain.back())) return true;
         for (std::size_t a = 0; a < chain.size(); ++a)
             for (std::size_t b = a + 1; b < chain.size(); ++b)
-                if (!get_bit(reach_.row(chain[a]), chain[b])) return false;
+                if (!reach_.row(chain[a]).has(chain[b])) return false;
         return true;
     }
     template <class F> void each_witness(F&& f) const {
@@ -277,8 +285,14 @@ private:
     }
     bool find_again() {
         std::vector<std::uint8_t> is(portals_.size(), 0);
-        each_witness([&](std::span<const std::uint32_t> chain) {
-            if (!state_.loose[chain.front()] && get_bit(reach_.row(chain.front()), chain.back()) && !holds(chain)) is[chain.front()] = 1;
+        std::vector<std::span<const std::uint32_t>> chains;
+        each_witness([&](std::span<const std::uint32_t> chain) { chains.push_back(chain); });
+        constexpr std::size_t kPart = 256;
+        parallel_for(context_, (chains.size() + kPart - 1) / kPart, [&](std::size_t part) {
+            for (std::size_t i = part * kPart; i < std::min(chains.size(), (part + 1) * kPart); ++i) {
+                const auto chain = chains[i];
+                if (!state_.loose[chain.front()] && reach_.row(chain.front()).has(chain.back()) && !holds(chain)) std::atomic_ref(is[chain.front()]).store(1, std::memory_order_relaxed);
+            }
         });
         state_.again.clear();
         for (std::uint32_t p = 0; p < portals_.size(); ++p)
@@ -291,10 +305,10 @@ private:
         std::vector<std::uint32_t> at(portals_.size(), 0);
         Results r;
         r.rows.resize(ways.size() * words_);
-        for (std::uint32_t i = 0; i < ways.size(); ++i) std::copy_n(reach_.row(ways[i]), words_, r.rows.data() + i * words_), at[ways[i]] = i;
+        for (std::uint32_t i = 0; i < ways.size(); ++i) reach_.each_word(ways[i], [&](std::size_t w, std::uint64_t bits) { r.rows[i * words_ + w] = bits; }), at[ways[i]] = i;
         std::vector<std::uint32_t> kept;
         each_witness([&](std::span<const std::uint32_t> chain) {
-            if (!get_bit(reach_.row(chain.front()), chain.back())) return;
+            if (!reach_.row(chain.front()).has(chain.back())) return;
             if (holds(chain)) kept.push_back(static_cast<std::uint32_t>(chain.size())), kept.insert(kept.end(), chain.begin(), chain.end());
             else clear_bit(r.rows.data() + at[chain.front()] * words_, chain.back());
         });
@@ -303,7 +317,6 @@ private:
         state_.witnesses = std::move(kept);
         for (std::size_t i = 0; i < ways.size(); ++i) {
             state_.steps += r.found[i].steps;
-            learn(r.found[i].lines);
             if (r.ends[i] != FlowEnd::done) state_.loose[ways[i]] = 1;
             else strike_unseen(ways[i], r.rows.data() + i * words_), remember(r.found[i].witnesses);
         }
@@ -323,7 +336,7 @@ Result<Visibility> compute_visibility(std::span<const VisPortal> map_portals, st
     };
     const DirectedPortals portals = directed_portals(map_portals);
     const Exits exits = exits_of(portals, cluster_count);
-    BitRows reach = flood(portals, exits, options.radius, stop, context);
+    SparseRows reach = flood(portals, exits, options.radius, stop, context);
     VisibilityProgress own;
     VisibilityProgress& state = run.progress ? *run.progress : own;
     bool whole = true;

@@ -48,14 +48,15 @@ struct Visibility {
 // How far the flow has come, for going on with it later: of the same portals and options. Whole at any time.
 struct VisibilityProgress {
     bool begun = false;
-    std::vector<std::uint64_t> reach;          // bits of all ways
+    std::vector<std::uint64_t> blocks;         // which parts of the rows of ways are kept
+    std::vector<std::uint64_t> reach;          // bits of all ways, those parts alone
     std::vector<std::uint64_t> proven;         // those that a line proves
     std::vector<std::uint32_t> witnesses;      // of those that none does: chains of ways, the number of ways before each
     std::vector<std::uint32_t> open, put_off;  // ways still to do; those that had no luck with their share of the budget
     std::vector<std::uint32_t> again;          // ways that are done, but for what others have found since
     std::vector<std::uint8_t> loose;           // ways that are given up
     std::uint64_t steps = 0, share = 0;        // done in all; that each had the last time round
-    template <class A> void fields(A& a) { a(begun, reach, proven, witnesses, open, put_off, again, loose, steps, share); }
+    template <class A> void fields(A& a) { a(begun, blocks, reach, proven, witnesses, open, put_off, again, loose, steps, share); }
 };
 // What does not change what the end would be.
 struct VisibilityRun {

@@ -240,7 +240,7 @@ Command bench_command(CLI::App& app) {
     light->add_option("--targets", o->targets, "Error targets of the bake, percent (default 20,10,5,3,2,1,0.5; --short: 20,10,5)")->delimiter(',')->allow_extra_args(false)->check(CLI::Range(0.1, 100.0))->type_name("PERCENT,...");
     light->add_option("--seeds", o->sweep.seeds, "Bakes a target, each with other random numbers: how often the estimate covers the true error, and how much of it differs between them (default 1)")->check(CLI::Range(1, 1000))->type_name("N");
     light->add_option("--worst", o->worst, "List so many luxels that the bake errs most at, with place, face and chart, after each target")->type_name("N");
-    light->add_option("--methods", o->methods, fmt::format("Only these: {}", fmt::join(method_names(), ", ")))->delimiter(',')->allow_extra_args(false)->type_name("NAME,...");
+    light->add_option("--methods", o->methods, fmt::format("Only these: {} (default: all but kiln-flat, the bake of irradiance along the normal alone)", fmt::join(method_names(), ", ")))->delimiter(',')->allow_extra_args(false)->type_name("NAME,...");
     light->add_option("--points", o->truth.points, "Luxels where truth is known, drawn by area (default 300)")->check(CLI::Range(10, 100000))->type_name("N");
     light->add_option("--truth-noise", o->truth.noise_percent, "Noise of the truth at which it is good enough, percent, worst direction (default 1)")->check(CLI::Range(0.01, 100.0))->type_name("PERCENT");
     light->add_option("--truth-rounds", o->truth.most_rounds, "At most so many rounds of 8 x 4096 paths a luxel for it (default 8)")->check(CLI::Range(1, 4096))->type_name("N");

@@ -131,11 +131,11 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
     return truth;
 }
 
-Errors compare(const Truth& truth, std::span<const Irradiance> values) {
+Errors compare(const Truth& truth, std::span<const Irradiance> values, std::size_t directions) {
     Errors e;
     e.noise = noise_of(truth);
     e.rrmse = root_mean_square(truth, [&](std::size_t i, std::size_t d, std::size_t c) { return values[i][d][c] - truth.value[i][d][c]; });
-    for (std::size_t d = 0; d < 4; ++d) {
+    for (std::size_t d = 0; d < directions; ++d) {
         double got = 0, want = 0;
         for (std::size_t i = 0; i < truth.value.size(); ++i) got += mean(values[i][d]), want += mean(truth.value[i][d]);
         e.bias[d] = want > 0 ? 100 * (got / want - 1) : 0;
@@ -152,9 +152,9 @@ Errors compare(const Truth& truth, std::span<const Irradiance> values) {
     return e;
 }
 
-Measurement measure_bake(const LightScene& in, const Truth& truth, double target, Context& context, std::uint64_t seed) {
+Measurement measure_bake(const LightScene& in, const Truth& truth, double target, Context& context, std::uint64_t seed, bool flat) {
     Measurement m;
-    m.scene = in.name, m.method = "kiln", m.setting = fmt::format("--error {:g}", target), m.target = target;
+    m.scene = in.name, m.method = flat ? kFlatMethod : "kiln", m.setting = fmt::format("--error {:g}", target), m.target = target;
     m.luxels = m.lit = truth.shown;
     // Before and after: what else runs on the machine slows both alike.
     const auto calibrated = [&] {
@@ -164,7 +164,7 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
     m.calibration = calibrated();
     // Irradiance along the basis vectors is what can be compared; all luxels directional is the dearest there is.
     LightOptions options;
-    options.error_percent = target, options.encoding = RnmEncoding::tilted, options.directional = Directional::all, options.seed = seed;
+    options.error_percent = target, options.encoding = RnmEncoding::tilted, options.directional = flat ? Directional::none : Directional::all, options.seed = seed;
     reset_peak();
     const double before = status_kb("VmRSS:"), start = cpu_seconds();
     const Result<Lighting> baked = bake_light(in.world, in.bsp, in.bsp.planes, in.surfaces, in.lights, options, context);
@@ -183,10 +183,10 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
         const Chart& chart = in.surfaces.charts[luxel.chart.at()];
         const std::uint32_t in_chart = luxel.y * chart.width + luxel.x;
         Irradiance e{static_cast<Rgbd>(baked->flat[chart.first_texel + in_chart])};
-        for (std::size_t k = 0; k < 3; ++k) e[k + 1] = static_cast<Rgbd>(baked->rnm[baked->rnm_first[luxel.chart.at()] + in_chart][k]);
+        for (std::size_t k = 0; !flat && k < 3; ++k) e[k + 1] = static_cast<Rgbd>(baked->rnm[baked->rnm_first[luxel.chart.at()] + in_chart][k]);
         m.values.push_back(e);
     }
-    m.errors = compare(truth, m.values);
+    m.errors = compare(truth, m.values, flat ? 1 : 4);
     return m;
 }
 

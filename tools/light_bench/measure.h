@@ -14,6 +14,8 @@
 
 namespace kiln::bench {
 
+constexpr const char* kFlatMethod = "kiln-flat"; // the bake where no light is directional
+
 struct LightScene {
     std::string name;
     const World& world;
@@ -48,7 +50,8 @@ struct Errors {                       // percent
     double p95 = 0;                   // 95th percentile of the relative error along n
     bool at_noise() const { return worst < 2 * worst_noise; } // too close to the truth's noise to tell
 };
-Errors compare(const Truth& truth, std::span<const rivals::Irradiance> values);
+// `directions`: of the four, those that count.
+Errors compare(const Truth& truth, std::span<const rivals::Irradiance> values, std::size_t directions = 4);
 
 struct Measurement {
     std::string scene, method, setting;
@@ -66,8 +69,8 @@ struct Measurement {
     double cost() const { return cpu_s * calibration * 1e-6; } // in million rays of the tracer
 };
 
-// The bake itself, to an error target.
-Measurement measure_bake(const LightScene& scene, const Truth& truth, double target_percent, Context& context, std::uint64_t seed = 1);
+// The bake itself, to an error target; `flat`: irradiance along the normal alone is baked and compared.
+Measurement measure_bake(const LightScene& scene, const Truth& truth, double target_percent, Context& context, std::uint64_t seed = 1, bool flat = false);
 
 // What bakes of one scene to one target with several seeds have in common and what not, and whether each knew its error.
 struct Seeds {

@@ -53,7 +53,7 @@ std::vector<Family> families(double luxel) {
 } // namespace
 
 std::vector<std::string> method_names() {
-    std::vector<std::string> names{"kiln"};
+    std::vector<std::string> names{"kiln", kFlatMethod};
     for (const Family& f : families(16)) names.push_back(f.name);
     return names;
 }
@@ -66,17 +66,19 @@ void sweep(const LightScene& scene, const Truth& truth, const SweepOptions& opti
         const double growth = took.size() > 1 ? std::clamp(took.back() / std::max(took[took.size() - 2], 1e-3), 1.0, 16.0) : 1;
         return took.back() * growth > options.most_cpu_s;
     };
-    if (wanted("kiln")) {
+    for (const std::string name : {"kiln", kFlatMethod}) {
+        const bool flat = name == kFlatMethod; // only when asked for: a chart has the four directions of all
+        if (!wanted(name) || (flat && options.methods.empty())) continue;
         std::vector<double> took;
         for (const double target : options.targets) {
             if (too_long(took)) {
                 Measurement m;
-                m.scene = scene.name, m.method = "kiln", m.setting = fmt::format("--error {:g}", target), m.skipped = fmt::format("would take over {:g} CPU s", options.most_cpu_s);
+                m.scene = scene.name, m.method = name, m.setting = fmt::format("--error {:g}", target), m.skipped = fmt::format("would take over {:g} CPU s", options.most_cpu_s);
                 done(m);
                 continue;
             }
             const double start = cpu_seconds();
-            for (std::uint64_t seed = 1; seed <= options.seeds; ++seed) done(measure_bake(scene, truth, target, context, seed));
+            for (std::uint64_t seed = 1; seed <= options.seeds; ++seed) done(measure_bake(scene, truth, target, context, seed, flat));
             took.push_back((cpu_seconds() - start) / options.seeds);
         }
     }

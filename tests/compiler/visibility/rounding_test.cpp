@@ -165,7 +165,9 @@ TEST(VisibilityRounding, KernelsAgree) {
             const PointsView shapes[3] = {s.shape, p.shape, t.shape};
             for (std::size_t i = 0; i < 3; ++i)
                 for (std::size_t c = 0; c < 4; ++c) spheres[4 * c + i] = d.ways[2 * i].sphere[c];
-            kernels.sides(plane, sphere, shapes, 3, kNoise, &front[k], &back[k]);
+            const double everywhere[4] = {0, 0, 0, HUGE_VAL};
+            const double* group[4] = {everywhere, everywhere + 1, everywhere + 2, everywhere + 3};
+            kernels.sides(plane, group, sphere, shapes, 3, kNoise, &front[k], &back[k]);
         }
         ASSERT_EQ(std::memcmp(row[0].data(), row[1].data(), 64 * sizeof(double)), 0) << round;
         ASSERT_EQ(std::memcmp(cut[0].data(), cut[1].data(), cut[0].size() * sizeof(double)), 0) << round;
@@ -179,6 +181,71 @@ TEST(VisibilityRounding, KernelsAgree) {
 #else
     GTEST_SKIP() << "there is one set of kernels";
 #endif
+}
+
+// Sixty-four portals that lie together on one side of a plane are told so at once, and as one by one.
+TEST(VisibilityRounding, PortalsTogetherAreOnTheSideOfEach) {
+    Chance chance{std::mt19937_64(4)};
+    std::size_t at_once = 0;
+    for (int round = 0; round < 500; ++round) {
+        const Vec3 middle = Vec3{chance(-1, 1), chance(-1, 1), chance(-1, 1)} * 4096, way = chance.direction();
+        const double size = chance(1, 100), gap = round % 3 == 0 ? chance(-3 * kNoise, 3 * kNoise) : chance(-2, 2) * size;
+        std::vector<VisPortal> portals;
+        for (int i = 0; i < 64; ++i) portals.push_back({0, 1, around(chance, middle + Vec3{chance(-1, 1), chance(-1, 1), chance(-1, 1)} * size, chance.direction(), 1e-5)});
+        const DirectedPortals d = directed_portals(portals);
+        std::vector<double> spheres(4 * 64);
+        std::vector<PointsView> shapes;
+        double around_all[4] = {middle.x, middle.y, middle.z, 0}, plane[4] = {way.x, way.y, way.z, 0};
+        for (std::size_t i = 0; i < 64; ++i) {
+            const Directed& way_in = d.ways[2 * i];
+            shapes.push_back(way_in.shape);
+            for (std::size_t c = 0; c < 4; ++c) spheres[64 * c + i] = way_in.sphere[c];
+            around_all[3] = std::max(around_all[3], length(way_in.center - middle) + way_in.radius);
+        }
+        plane[3] = dot(way, middle) + (gap < 0 ? -around_all[3] : around_all[3]) + gap;
+        const double everywhere[4] = {0, 0, 0, HUGE_VAL};
+        const double* sphere[4] = {spheres.data(), spheres.data() + 64, spheres.data() + 128, spheres.data() + 192};
+        std::uint64_t front[2], back[2];
+        for (int k = 0; k < 2; ++k) {
+            const double* from = k ? around_all : everywhere;
+            const double* group[4] = {from, from + 1, from + 2, from + 3};
+            plain_kernels().sides(plane, group, sphere, shapes.data(), 64, kNoise, &front[k], &back[k]);
+        }
+        EXPECT_EQ(front[0], front[1]) << round;
+        EXPECT_EQ(back[0], back[1]) << round;
+        at_once += (front[1] == 0) != (back[1] == 0);
+    }
+    EXPECT_GT(at_once, 100u);
+}
+
+// Rows keep the blocks of words that have anything, and read as empty everywhere else.
+TEST(SparseRows, HoldWhatDenseRowsHold) {
+    Chance chance{std::mt19937_64(5)};
+    const std::size_t n = 3000;
+    BitRows dense(40, n);
+    for (std::size_t r = 1; r < 40; ++r)
+        for (int k = 0; k < 30; ++k) set_bit(dense.row(r), static_cast<std::size_t>(chance(0, r % 2 ? 0.2 : 1) * n));
+    SparseRows sparse(dense);
+    ASSERT_EQ(sparse.layout()->rows(), 40u);
+    for (std::size_t r = 0; r < 40; ++r) {
+        for (std::size_t i = 0; i < n; ++i) EXPECT_EQ(std::as_const(sparse).row(r).has(i), get_bit(dense.row(r), i));
+        std::size_t bits = 0, words = 0;
+        sparse.each_word(r, [&](std::size_t w, std::uint64_t word) {
+            ++words;
+            if (word) EXPECT_EQ(word, dense.row(r)[w]);
+            each_bit(w, word, [&](std::uint32_t i) { bits += get_bit(dense.row(r), i); });
+        });
+        EXPECT_EQ(bits, count_bits(dense.row(r), dense.words()));
+        EXPECT_EQ(words + kBlockWords, sparse.kept(r).size());
+        if (r % 2) EXPECT_LE(words, 2 * kBlockWords); // 600 of 3,000 bits
+    }
+    EXPECT_EQ(sparse.row(0).place(7), nullptr);
+    // Others of the same layout, in another order.
+    SparseRows like(sparse.layout(), 2, [](std::size_t r) { return 5 - r; });
+    *like.row(1).place(3) |= 8;
+    EXPECT_TRUE(std::as_const(like).row(1).has(3));
+    EXPECT_EQ(like.kept(0).size(), sparse.kept(5).size());
+    EXPECT_EQ(like.kept(1).size(), sparse.kept(4).size());
 }
 
 } // namespace

@@ -145,12 +145,12 @@ TEST(Vis, GoesOnAfterCtrlC) {
     const Workplace w;
     std::mt19937 random(4);
     std::string blocks;
-    for (int i = 0; i < 9; ++i)
-        for (int j = 0; j < 9; ++j) {
+    for (int i = 0; i < 10; ++i)
+        for (int j = 0; j < 10; ++j) {
             const int x = 40 + 110 * i + static_cast<int>(random() % 30), y = 40 + 110 * j + static_cast<int>(random() % 30);
             blocks += box(x, y, 0, x + 50, y + 50, 40 + static_cast<int>(random() % 160));
         }
-    const std::string map = w.write("city.map", world(room(1040, 1040, 256) + blocks) + entity("info_player_start", 20, 20, 24));
+    const std::string map = w.write("city.map", world(room(1150, 1150, 256) + blocks) + entity("info_player_start", 20, 20, 24));
     const auto pairs = [&](const std::vector<std::string>& words) { return run_json(w, words)["seen"]["pairs"].get<long>(); };
     const std::vector<std::string> no_time = {map, "-q", "--vis-budget", "0.001"};
     const long at_once = pairs(no_time);
@@ -158,7 +158,7 @@ TEST(Vis, GoesOnAfterCtrlC) {
     auto with_cache = no_time;
     with_cache.insert(with_cache.end(), {"--cache", cache});
     bool gone_on = false;
-    for (int milliseconds = 200; milliseconds < 60000 && !gone_on; milliseconds = milliseconds * 3 / 2) { // where the flow is depends on the machine
+    for (int milliseconds = 200; milliseconds < 60000 && !gone_on; milliseconds = milliseconds * 6 / 5) { // where the flow is depends on the machine
         const Outcome o = w.run({"vis", map, "-q", "--cache", cache, "--json", "-o", w.path("rows.json")}, {.file_bytes = -1, .interrupt_after_ms = milliseconds});
         ASSERT_EQ(o.code, 7) << milliseconds << ": it was through before it was stopped\n" << o.said;
         EXPECT_FALSE(w.has("rows.json"));
