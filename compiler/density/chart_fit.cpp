@@ -7,7 +7,7 @@
 namespace kiln {
 namespace {
 
-constexpr std::size_t kMostChannels = 12;
+constexpr double kFarOff = 2; // times what is allowed: how much more does not matter
 
 // ---- One axis of a grid
 
@@ -42,30 +42,31 @@ Read read_at(double texel, std::uint32_t size) {
 // ---- The light at the half luxels
 
 // Of all channels: bilinear between texels.
-void lookup(const float* texels, std::size_t width, std::size_t channels, const Read& x, const Read& y, double* out) {
-    const float *p = texels + (y.at * width + x.at) * channels, *q = texels + (y.at * width + x.next) * channels,
-                *r = texels + (y.next * width + x.at) * channels, *s = texels + (y.next * width + x.next) * channels;
+template <std::size_t kChannels> void lookup(const float* texels, std::size_t width, const Read& x, const Read& y, double* out) {
+    const float *p = texels + (y.at * width + x.at) * kChannels, *q = texels + (y.at * width + x.next) * kChannels,
+                *r = texels + (y.next * width + x.at) * kChannels, *s = texels + (y.next * width + x.next) * kChannels;
     const double a = (1 - x.weight) * (1 - y.weight), b = x.weight * (1 - y.weight), c = (1 - x.weight) * y.weight, d = x.weight * y.weight;
-    for (std::size_t k = 0; k < channels; ++k) out[k] = a * p[k] + b * q[k] + c * r[k] + d * s[k];
+    for (std::size_t k = 0; k < kChannels; ++k) out[k] = a * p[k] + b * q[k] + c * r[k] + d * s[k];
 }
 
-class Fitting {
+// The number of kChannels is known to the compiler: they are the innermost loop of everything.
+template <std::size_t kChannels> class Fitting {
 public:
-    explicit Fitting(const ChartLight& light) : l_(light), vx_(light.vertices_x()), vy_(light.vertices_y()), used_(std::size_t{vx_} * vy_), shown_(std::size_t{vx_} * vy_ * light.channels) {
-        KILN_CHECK(light.channels <= kMostChannels && light.channels % 3 == 0);
+    explicit Fitting(const ChartLight& light) : l_(light), vx_(light.vertices_x()), vy_(light.vertices_y()), used_(std::size_t{vx_} * vy_), shown_(std::size_t{vx_} * vy_ * kChannels) {
+        KILN_CHECK(light.channels == kChannels);
         for (std::uint32_t j = 0; j < vy_ - 1; ++j)
             for (std::uint32_t i = 0; i < vx_ - 1; ++i)
                 if (quad(i, j))
                     for (const std::size_t v : {vertex(i, j), vertex(i + 1, j), vertex(i, j + 1), vertex(i + 1, j + 1)}) ++used_[v];
         may_ = l_.allowed, black_.assign(used_.size(), 0);
         for (std::size_t k = 0; k < may_.size(); ++k) may_[k] += l_.noise[k] + l_.guess[k];
-        std::array<double, kMostChannels> value{};
+        std::array<double, kChannels> value{};
         for (std::uint32_t j = 0; j < vy_; ++j)
             for (std::uint32_t i = 0; i < vx_; ++i) {
                 if (!used_[vertex(i, j)]) continue;
-                lookup(l_.texels.data(), l_.width, l_.channels, read_at(0.5 * i, l_.width), read_at(0.5 * j, l_.height), value.data());
+                lookup<kChannels>(l_.texels.data(), l_.width, read_at(0.5 * i, l_.width), read_at(0.5 * j, l_.height), value.data());
                 bool black = true;
-                for (std::size_t k = 0; k < l_.channels; ++k) shown_[vertex(i, j) * l_.channels + k] = static_cast<float>(value[k]), black = black && value[k] == 0;
+                for (std::size_t k = 0; k < kChannels; ++k) shown_[vertex(i, j) * kChannels + k] = static_cast<float>(value[k]), black = black && value[k] == 0;
                 if (!black) continue;
                 // No light comes there, and none will: least squares and a bound alone would let a little through.
                 black_[vertex(i, j)] = 1;
@@ -94,7 +95,7 @@ private:
 
 // Whether a grid of n texels along one axis could do, with any number along the other. Along a line between two of its centres what
 // it shows is linear: of three places there the middle one may be off the line of the others by what is allowed there and no more.
-bool Fitting::possible(int axis, const Axis& a) const {
+template <std::size_t kChannels> bool Fitting<kChannels>::possible(int axis, const Axis& a) const {
     const std::uint32_t count = axis ? vy_ : vx_, rows = axis ? vx_ : vy_, n = a.n;
     std::vector<std::int64_t> cell(count); // of each vertex: the first and the last cell are drawn out
     std::vector<std::uint8_t> on_line(count); // it also ends the cell before
@@ -103,7 +104,6 @@ bool Fitting::possible(int axis, const Axis& a) const {
         cell[i] = n == 1 ? 0 : std::clamp<std::int64_t>(static_cast<std::int64_t>(std::floor(at + 1e-9)), 0, n - 2);
         on_line[i] = n > 1 && std::abs(at - std::round(at)) < 1e-9 && at > 0.5;
     }
-    const std::size_t channels = l_.channels;
     const auto at = [&](std::uint32_t i, std::uint32_t row) { return axis ? vertex(row, i) : vertex(i, row); };
     const auto joined = [&](std::uint32_t i, std::uint32_t row) { // vertex i and i + 1
         if (axis) return (row > 0 && quad(row - 1, i)) || (row + 1 < vx_ && quad(row, i));
@@ -125,14 +125,14 @@ bool Fitting::possible(int axis, const Axis& a) const {
                 continue;
             }
             const std::size_t p = at(i, row), q = at(end, row);
-            for (std::size_t k = 0; k < channels; ++k) {
+            for (std::size_t k = 0; k < kChannels; ++k) {
                 const std::size_t c = k % 3;
-                const float fp = shown_[p * channels + k], fq = shown_[q * channels + k], ap = may_[3 * p + c], aq = may_[3 * q + c];
+                const float fp = shown_[p * kChannels + k], fq = shown_[q * kChannels + k], ap = may_[3 * p + c], aq = may_[3 * q + c];
                 if (n == 1) {
                     float most = -1e30f, least = 1e30f;
                     for (std::uint32_t m = i; m <= end; ++m) {
                         const std::size_t v = at(m, row);
-                        most = std::max(most, shown_[v * channels + k] - may_[3 * v + c]), least = std::min(least, shown_[v * channels + k] + may_[3 * v + c]);
+                        most = std::max(most, shown_[v * kChannels + k] - may_[3 * v + c]), least = std::min(least, shown_[v * kChannels + k] + may_[3 * v + c]);
                     }
                     if (most > least * (least > 0 ? 1.000001f : 0.999999f)) return false;
                     continue;
@@ -140,7 +140,7 @@ bool Fitting::possible(int axis, const Axis& a) const {
                 for (std::uint32_t m = i + 1; m < end; ++m) {
                     const std::size_t v = at(m, row);
                     const float t = static_cast<float>(m - i) / static_cast<float>(end - i);
-                    const float off = std::abs(shown_[v * channels + k] - (fp + (fq - fp) * t)), may = may_[3 * v + c] + ap + (aq - ap) * t;
+                    const float off = std::abs(shown_[v * kChannels + k] - (fp + (fq - fp) * t)), may = may_[3 * v + c] + ap + (aq - ap) * t;
                     if (off > may * 1.00001f) return false;
                 }
             }
@@ -150,7 +150,7 @@ bool Fitting::possible(int axis, const Axis& a) const {
 }
 
 // What is to be tried along an axis: all small numbers of texels, then steps of about a sixth, and the luxels as they are.
-std::vector<Axis> Fitting::axes(int axis) const {
+template <std::size_t kChannels> std::vector<Axis> Fitting<kChannels>::axes(int axis) const {
     const double from = axis ? l_.from.y : l_.from.x, to = axis ? l_.to.y : l_.to.x;
     const std::uint32_t luxels = axis ? l_.height : l_.width, most = std::max(2u, static_cast<std::uint32_t>(to - from) + 1);
     std::vector<Axis> out;
@@ -160,11 +160,11 @@ std::vector<Axis> Fitting::axes(int axis) const {
     return out;
 }
 
-ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
+template <std::size_t kChannels> ChartFit Fitting<kChannels>::fit(const Axis& ax, const Axis& ay) const {
     constexpr double kKeep = 1e-6; // of the weight of an ordinary texel, for what no face decides
     constexpr int kMostSteps = 60;
     constexpr double kSmall = 1e-5; // of the first residual
-    const std::size_t channels = l_.channels, n = std::size_t{ax.n} * ay.n;
+    const std::size_t n = std::size_t{ax.n} * ay.n;
     std::vector<Read> x(vx_), y(vy_);
     for (std::uint32_t i = 0; i < vx_; ++i) x[i] = read_at(0.5 * i * ax.scale + ax.shift, ax.n);
     for (std::uint32_t j = 0; j < vy_; ++j) y[j] = read_at(0.5 * j * ay.scale + ay.shift, ay.n);
@@ -174,11 +174,11 @@ ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
     out.scale = {ax.scale, ay.scale}, out.shift = {ax.shift, ay.shift};
     out.read.assign(n, 0);
     // Begin with what is shown at the centres.
-    std::vector<double> texel(n * channels);
+    std::vector<double> texel(n * kChannels);
     for (std::uint32_t j = 0; j < ay.n; ++j)
         for (std::uint32_t i = 0; i < ax.n; ++i)
-            lookup(l_.texels.data(), l_.width, channels, read_at((i + 0.5 - ax.shift) / ax.scale, l_.width), read_at((j + 0.5 - ay.shift) / ay.scale, l_.height),
-                   &texel[(std::size_t{j} * ax.n + i) * channels]);
+            lookup<kChannels>(l_.texels.data(), l_.width, read_at((i + 0.5 - ax.shift) / ax.scale, l_.width), read_at((j + 0.5 - ay.shift) / ay.scale, l_.height),
+                   &texel[(std::size_t{j} * ax.n + i) * kChannels]);
     // What shows black is black.
     std::vector<std::uint8_t> held(n);
     for (std::uint32_t j = 0; j < vy_; ++j)
@@ -189,11 +189,11 @@ ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
                     if (wx > 0 && wy > 0) held[std::size_t{row} * ax.n + column] = 1;
         }
     for (std::size_t t = 0; t < n; ++t)
-        if (held[t]) std::fill_n(texel.begin() + static_cast<std::ptrdiff_t>(t * channels), channels, 0.0);
+        if (held[t]) std::fill_n(texel.begin() + static_cast<std::ptrdiff_t>(t * kChannels), kChannels, 0.0);
     // The normal equations: of each texel and the eight around it, [texel * 9 + 3 * (dy + 1) + dx + 1].
-    std::vector<double> matrix(n * 9), residual(n * channels);
+    std::vector<double> matrix(n * 9), residual(n * kChannels);
     double total = 0;
-    std::array<double, kMostChannels> off{};
+    std::array<double, kChannels> off{};
     for (std::uint32_t j = 0; j < vy_; ++j)
         for (std::uint32_t i = 0; i < vx_; ++i) {
             const std::size_t v = vertex(i, j);
@@ -201,13 +201,13 @@ ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
             const double allowed = (static_cast<double>(may_[3 * v]) + may_[3 * v + 1] + may_[3 * v + 2]) / 3;
             const double weight = used_[v] / (allowed * allowed);
             total += weight;
-            for (std::size_t k = 0; k < channels; ++k) off[k] = shown_[v * channels + k];
+            for (std::size_t k = 0; k < kChannels; ++k) off[k] = shown_[v * kChannels + k];
             const Read &rx = x[i], &ry = y[j];
             const std::array<std::size_t, 4> t{std::size_t{ry.at} * ax.n + rx.at, std::size_t{ry.at} * ax.n + rx.next, std::size_t{ry.next} * ax.n + rx.at, std::size_t{ry.next} * ax.n + rx.next};
             const std::array<double, 4> w{(1 - rx.weight) * (1 - ry.weight), rx.weight * (1 - ry.weight), (1 - rx.weight) * ry.weight, rx.weight * ry.weight};
             for (std::size_t a = 0; a < 4; ++a) {
                 if (!(w[a] > 0)) continue;
-                for (std::size_t k = 0; k < channels; ++k) off[k] -= w[a] * texel[t[a] * channels + k];
+                for (std::size_t k = 0; k < kChannels; ++k) off[k] -= w[a] * texel[t[a] * kChannels + k];
             }
             for (std::size_t a = 0; a < 4; ++a) {
                 if (!(w[a] > 0)) continue;
@@ -217,52 +217,52 @@ ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
                     const int dx = static_cast<int>(b % 2) - static_cast<int>(a % 2), dy = static_cast<int>(b / 2) - static_cast<int>(a / 2);
                     matrix[t[a] * 9 + static_cast<std::size_t>(3 * (dy + 1) + dx + 1)] += weight * w[a] * w[b];
                 }
-                for (std::size_t k = 0; k < channels; ++k) residual[t[a] * channels + k] += weight * w[a] * off[k];
+                for (std::size_t k = 0; k < kChannels; ++k) residual[t[a] * kChannels + k] += weight * w[a] * off[k];
             }
         }
     for (std::size_t t = 0; t < n; ++t) {
         matrix[t * 9 + 4] += kKeep * (total > 0 ? total : 1) / static_cast<double>(n);
-        for (std::size_t k = 0; held[t] && k < channels; ++k) residual[t * channels + k] = 0;
+        for (std::size_t k = 0; held[t] && k < kChannels; ++k) residual[t * kChannels + k] = 0;
     }
 
-    // Conjugate gradients, preconditioned by the diagonal, all channels side by side.
-    const std::size_t size = n * channels;
+    // Conjugate gradients, preconditioned by the diagonal, all kChannels side by side.
+    const std::size_t size = n * kChannels;
     std::vector<double> change(size), step(size), image(size);
-    std::array<double, kMostChannels> rho{}, stop{}, sum{};
-    const auto scaled = [&](std::size_t t, std::size_t k) { return residual[t * channels + k] / matrix[t * 9 + 4]; };
+    std::array<double, kChannels> rho{}, stop{}, sum{};
+    const auto scaled = [&](std::size_t t, std::size_t k) { return residual[t * kChannels + k] / matrix[t * 9 + 4]; };
     for (std::size_t t = 0; t < n; ++t)
-        for (std::size_t k = 0; k < channels; ++k) step[t * channels + k] = scaled(t, k), rho[k] += residual[t * channels + k] * scaled(t, k);
-    for (std::size_t k = 0; k < channels; ++k) stop[k] = rho[k] * kSmall * kSmall;
+        for (std::size_t k = 0; k < kChannels; ++k) step[t * kChannels + k] = scaled(t, k), rho[k] += residual[t * kChannels + k] * scaled(t, k);
+    for (std::size_t k = 0; k < kChannels; ++k) stop[k] = rho[k] * kSmall * kSmall;
     for (int round = 0; round < kMostSteps; ++round) {
         bool more = false;
-        for (std::size_t k = 0; k < channels; ++k) more |= rho[k] > stop[k] && rho[k] > 0;
+        for (std::size_t k = 0; k < kChannels; ++k) more |= rho[k] > stop[k] && rho[k] > 0;
         if (!more) break;
         sum = {};
         for (std::uint32_t j = 0; j < ay.n; ++j)
             for (std::uint32_t i = 0; i < ax.n; ++i) {
                 const std::size_t t = std::size_t{j} * ax.n + i;
-                std::array<double, kMostChannels> s{};
+                std::array<double, kChannels> s{};
                 for (int dy = -1; dy <= 1; ++dy)
                     for (int dx = -1; dx <= 1; ++dx) {
                         const double m = matrix[t * 9 + static_cast<std::size_t>(3 * (dy + 1) + dx + 1)];
                         if (m == 0) continue;
-                        const double* p = &step[(static_cast<std::size_t>(static_cast<std::int64_t>(j) + dy) * ax.n + static_cast<std::size_t>(static_cast<std::int64_t>(i) + dx)) * channels];
-                        for (std::size_t k = 0; k < channels; ++k) s[k] += m * p[k];
+                        const double* p = &step[(static_cast<std::size_t>(static_cast<std::int64_t>(j) + dy) * ax.n + static_cast<std::size_t>(static_cast<std::int64_t>(i) + dx)) * kChannels];
+                        for (std::size_t k = 0; k < kChannels; ++k) s[k] += m * p[k];
                     }
-                for (std::size_t k = 0; k < channels; ++k) image[t * channels + k] = s[k], sum[k] += s[k] * step[t * channels + k];
+                for (std::size_t k = 0; k < kChannels; ++k) image[t * kChannels + k] = s[k], sum[k] += s[k] * step[t * kChannels + k];
             }
-        std::array<double, kMostChannels> a{}, next{};
-        for (std::size_t k = 0; k < channels; ++k) a[k] = sum[k] > 0 ? rho[k] / sum[k] : 0;
+        std::array<double, kChannels> a{}, next{};
+        for (std::size_t k = 0; k < kChannels; ++k) a[k] = sum[k] > 0 ? rho[k] / sum[k] : 0;
         for (std::size_t t = 0; t < n; ++t)
-            for (std::size_t k = 0; k < channels; ++k) {
-                const std::size_t at = t * channels + k;
+            for (std::size_t k = 0; k < kChannels; ++k) {
+                const std::size_t at = t * kChannels + k;
                 if (held[t]) continue;
                 change[at] += a[k] * step[at], residual[at] -= a[k] * image[at];
                 next[k] += residual[at] * scaled(t, k);
             }
-        for (std::size_t k = 0; k < channels; ++k) a[k] = rho[k] > 0 ? next[k] / rho[k] : 0, rho[k] = next[k];
+        for (std::size_t k = 0; k < kChannels; ++k) a[k] = rho[k] > 0 ? next[k] / rho[k] : 0, rho[k] = next[k];
         for (std::size_t t = 0; t < n; ++t)
-            for (std::size_t k = 0; k < channels; ++k) step[t * channels + k] = scaled(t, k) + a[k] * step[t * channels + k];
+            for (std::size_t k = 0; k < kChannels; ++k) step[t * kChannels + k] = scaled(t, k) + a[k] * step[t * kChannels + k];
     }
     out.texels.resize(size);
     for (std::size_t at = 0; at < size; ++at) {
@@ -273,36 +273,36 @@ ChartFit Fitting::fit(const Axis& ax, const Axis& ay) const {
 }
 
 // How far apart two sets of stored values are in what is shown of one colour.
-double Fitting::change(const double* full, const double* coarse, std::size_t colour) const {
+template <std::size_t kChannels> double Fitting<kChannels>::change(const double* full, const double* coarse, std::size_t colour) const {
     double out = 0;
     if (l_.shown_by == ShownBy::each) {
-        for (std::size_t k = colour; k < l_.channels; k += 3) out = std::max(out, std::abs(full[k] - coarse[k]));
+        for (std::size_t k = colour; k < kChannels; k += 3) out = std::max(out, std::abs(full[k] - coarse[k]));
         return out;
     }
     for (std::size_t k = colour; k < 9; k += 3) out += (full[k] - coarse[k]) * (full[k] - coarse[k]);
     out = std::sqrt(out);
-    for (std::size_t k = 9 + colour; k < l_.channels; k += 3) out = std::max(out, std::abs(full[k] - coarse[k]));
+    for (std::size_t k = 9 + colour; k < kChannels; k += 3) out = std::max(out, std::abs(full[k] - coarse[k]));
     return out;
 }
 
 // What is noise in one luxel is none in the mean of many: of blocks of 2 x 2 luxels, 4 x 4 and so on the mean may be off by so much less.
-double Fitting::worst_of_blocks(const ChartFit& f) const {
+template <std::size_t kChannels> double Fitting<kChannels>::worst_of_blocks(const ChartFit& f) const {
     struct Block {
-        std::array<double, kMostChannels> full{}, coarse{};
+        std::array<double, kChannels> full{}, coarse{};
         std::array<double, 3> bound{}, noise{};
         double luxels = 0;
     };
     std::uint32_t w = (l_.width + 1) / 2, h = (l_.height + 1) / 2;
     std::vector<Block> blocks(std::size_t{w} * h);
-    std::array<double, kMostChannels> value{};
+    std::array<double, kChannels> value{};
     for (std::uint32_t y = 0; y < l_.height; ++y) {
         const Read ry = read_at((y + 0.5) * f.scale.y + f.shift.y, f.height);
         for (std::uint32_t x = 0; x < l_.width; ++x) {
             const std::size_t v = vertex(2 * x + 1, 2 * y + 1);
             if (!used_[v]) continue;
             Block& b = blocks[std::size_t{y / 2} * w + x / 2];
-            lookup(f.texels.data(), f.width, l_.channels, read_at((x + 0.5) * f.scale.x + f.shift.x, f.width), ry, value.data());
-            for (std::size_t k = 0; k < l_.channels; ++k) b.full[k] += static_cast<double>(shown_[v * l_.channels + k]), b.coarse[k] += value[k];
+            lookup<kChannels>(f.texels.data(), f.width, read_at((x + 0.5) * f.scale.x + f.shift.x, f.width), ry, value.data());
+            for (std::size_t k = 0; k < kChannels; ++k) b.full[k] += static_cast<double>(shown_[v * kChannels + k]), b.coarse[k] += value[k];
             for (std::size_t c = 0; c < 3; ++c) b.bound[c] += static_cast<double>(l_.allowed[3 * v + c]) + static_cast<double>(l_.guess[3 * v + c]), b.noise[c] += static_cast<double>(l_.noise[3 * v + c]);
             ++b.luxels;
         }
@@ -319,7 +319,7 @@ double Fitting::worst_of_blocks(const ChartFit& f) const {
             for (std::uint32_t x = 0; x < w; ++x) {
                 const Block& from = blocks[std::size_t{y} * w + x];
                 Block& to = larger[std::size_t{y / 2} * half_w + x / 2];
-                for (std::size_t k = 0; k < l_.channels; ++k) to.full[k] += from.full[k], to.coarse[k] += from.coarse[k];
+                for (std::size_t k = 0; k < kChannels; ++k) to.full[k] += from.full[k], to.coarse[k] += from.coarse[k];
                 for (std::size_t c = 0; c < 3; ++c) to.bound[c] += from.bound[c], to.noise[c] += from.noise[c];
                 to.luxels += from.luxels;
             }
@@ -329,7 +329,7 @@ double Fitting::worst_of_blocks(const ChartFit& f) const {
 
 // The largest change over what is allowed. Both reconstructions are bilinear between the lines through the centres of either, so is
 // what is allowed: the corners of those rectangles are the worst places.
-double Fitting::worst(ChartFit& f) const {
+template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) const {
     struct Line {
         double at = 0;          // luxel coordinate
         std::uint32_t half = 0; // the vertex at or before it
@@ -353,8 +353,7 @@ double Fitting::worst(ChartFit& f) const {
     const std::vector<Read> full_x = reads(xs, 1, 0, l_.width), full_y = reads(ys, 1, 0, l_.height), x = reads(xs, f.scale.x, f.shift.x, f.width), y = reads(ys, f.scale.y, f.shift.y, f.height);
     double most = 0;
     f.square = f.weight = 0;
-    const std::size_t channels = l_.channels;
-    std::array<double, kMostChannels> full{}, coarse{};
+    std::array<double, kChannels> full{}, coarse{};
     for (std::size_t j = 0; j < ys.size(); ++j)
         for (std::size_t i = 0; i < xs.size(); ++i) {
             // Of the quads that the place is in or at the border of, is one covered?
@@ -364,8 +363,8 @@ double Fitting::worst(ChartFit& f) const {
             for (std::uint32_t qy = hy - (on_y && hy > 0 ? 1 : 0); qy <= hy && qy + 1 < vy_; ++qy)
                 for (std::uint32_t qx = hx - (on_x && hx > 0 ? 1 : 0); qx <= hx && qx + 1 < vx_; ++qx) here |= quad(qx, qy);
             if (!here) continue;
-            lookup(l_.texels.data(), l_.width, channels, full_x[i], full_y[j], full.data());
-            lookup(f.texels.data(), f.width, channels, x[i], y[j], coarse.data());
+            lookup<kChannels>(l_.texels.data(), l_.width, full_x[i], full_y[j], full.data());
+            lookup<kChannels>(f.texels.data(), f.width, x[i], y[j], coarse.data());
             const double tx = 2 * xs[i].at - hx, ty = 2 * ys[j].at - hy;
             const std::uint32_t nx = std::min(hx + 1, vx_ - 1), ny = std::min(hy + 1, vy_ - 1);
             for (std::size_t c = 0; c < 3; ++c) {
@@ -377,6 +376,7 @@ double Fitting::worst(ChartFit& f) const {
                 else allowed = (a(hx, hy) * (1 - tx) + a(nx, hy) * tx) * (1 - ty) + (a(hx, ny) * (1 - tx) + a(nx, ny) * tx) * ty;
                 const double off = change(full.data(), coarse.data(), c);
                 most = std::max(most, off / allowed);
+                if (most > kFarOff) return most;
                 if (!on_x || !on_y) continue;
                 const double relative = off / static_cast<double>(l_.scale[3 * vertex(hx, hy) + c]), weight = used_[vertex(hx, hy)];
                 f.square += weight * relative * relative, f.weight += weight;
@@ -385,7 +385,7 @@ double Fitting::worst(ChartFit& f) const {
     return most;
 }
 
-std::optional<ChartFit> Fitting::coarsest() {
+template <std::size_t kChannels> std::optional<ChartFit> Fitting<kChannels>::coarsest() {
     struct Size {
         const Axis *x, *y;
         std::size_t texels() const { return std::size_t{x->n} * y->n; }
@@ -404,7 +404,7 @@ std::optional<ChartFit> Fitting::coarsest() {
         double ratio = worst(f);
         if (ratio <= 1) ratio = worst_of_blocks(f);
         if (ratio <= 1) return f;
-        const double further = ratio > 2 ? 1.25 : 1; // where it is a long way off a few more will not do either
+        const double further = ratio > kFarOff ? 1.25 : 1; // where it is a long way off a few more will not do either
         failed.emplace_back(power(*s.x) * further, power(*s.y) * further);
     }
     return std::nullopt;
@@ -412,6 +412,10 @@ std::optional<ChartFit> Fitting::coarsest() {
 
 } // namespace
 
-std::optional<ChartFit> coarsest_fit(const ChartLight& light) { return Fitting(light).coarsest(); }
+std::optional<ChartFit> coarsest_fit(const ChartLight& light) {
+    if (light.channels == 3) return Fitting<3>(light).coarsest();
+    if (light.channels == 9) return Fitting<9>(light).coarsest();
+    return Fitting<12>(light).coarsest();
+}
 
 } // namespace kiln

@@ -261,10 +261,17 @@ void Bake::find_neighbours() {
 void Bake::make_patches() {
     const std::size_t luxels = surfaces_.luxels.size();
     patches_ = build_patches(world_, surfaces_, edges_, quality_.patch_size);
+    quality_.row_rays = Quality::of(options_).row_rays;
+    const auto rays_per_patch = [&] { return quality_.first_rays * static_cast<double>(luxels) / static_cast<double>(std::max<std::size_t>(patches_.patches.size(), 1)); };
+    // Many luxels a patch: smaller ones cost as little beside the gather, and their bias falls with the square of their size.
+    while (rays_per_patch() >= 4.0 * quality_.row_rays) {
+        PatchTable finer = build_patches(world_, surfaces_, edges_, quality_.patch_size / 2);
+        if (finer.patches.size() <= patches_.patches.size()) break;
+        quality_.patch_size /= 2, patches_ = std::move(finer);
+    }
     const std::size_t n = patches_.patches.size();
     // Few patches: all the more rays each, for the same share of the work.
-    const double per_patch = quality_.first_rays * static_cast<double>(luxels) / static_cast<double>(std::max<std::size_t>(n, 1));
-    quality_.row_rays = Quality::of(options_).row_rays;
+    const double per_patch = rays_per_patch();
     while (quality_.row_rays < 2048 && quality_.row_rays * 2 <= per_patch) quality_.row_rays *= 2;
     patch_emitter_.clear();
     for (const Patch& p : patches_.patches) patch_emitter_.push_back(emitters_.of_face[p.face.at()]);

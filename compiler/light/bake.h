@@ -4,6 +4,7 @@
 #include "compiler/light/kernels.h"
 #include "compiler/light/memo.h"
 #include "compiler/light/patches.h"
+#include "libs/sampling/maps.h"
 #include <atomic>
 #include <span>
 
@@ -60,7 +61,16 @@ struct Quality {                        // what the error target buys; tuned in 
 // that do not fall with the cosine want a < 1, or light at grazing angles gets unbounded weight.
 struct HemisphereMap {
     double a = 1;
-    Vec3 direction(Vec2 square) const;
+    Vec3 direction(Vec2 square) const {
+        const Vec2 d = concentric_disc(square);
+        const double r2 = dot(d, d), u = std::max(0.0, 1 - r2);
+        if (a >= 1) return {d.x, d.y, std::sqrt(u)};
+        // Solve a z^2 + (1 - a) z = u.
+        const double z = 2 * u / ((1 - a) + std::sqrt((1 - a) * (1 - a) + 4 * a * u));
+        const double s = r2 > 0 ? std::sqrt(std::max(0.0, 1 - z * z) / r2) : 0;
+        return {d.x * s, d.y * s, z};
+    }
+    void directions(std::span<const Vec2> squares, std::span<Vec3> out) const;
     double density(double z) const { return (2 * a * z + 1 - a) * 0.15915494309189535; }
     // Where a cosine-distributed point of the square would have to lie for this map to give the same direction.
     Vec2 from_cosine(Vec2 square) const;

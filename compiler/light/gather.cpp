@@ -19,14 +19,9 @@ constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to 
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 } // namespace
 
-Vec3 HemisphereMap::direction(Vec2 square) const {
-    const Vec2 d = concentric_disc(square);
-    const double r2 = dot(d, d), u = std::max(0.0, 1 - r2);
-    if (a >= 1) return {d.x, d.y, std::sqrt(u)};
-    // Solve a z^2 + (1 - a) z = u.
-    const double z = 2 * u / ((1 - a) + std::sqrt((1 - a) * (1 - a) + 4 * a * u));
-    const double s = r2 > 0 ? std::sqrt(std::max(0.0, 1 - z * z) / r2) : 0;
-    return {d.x * s, d.y * s, z};
+// In a loop of its own, so that what one waits for, the next works on.
+void HemisphereMap::directions(std::span<const Vec2> squares, std::span<Vec3> out) const {
+    for (std::size_t i = 0; i < squares.size(); ++i) out[i] = direction(squares[i]);
 }
 
 Vec2 HemisphereMap::from_cosine(Vec2 square) const {
@@ -77,8 +72,7 @@ Vec2 Guide::sample(Vec2 u, double* density) const {
     const auto invert = [](const std::array<double, kSide + 1>& cdf, double v, std::size_t* cell) {
         const double wanted = v * cdf[kSide];
         std::size_t lo = 0;
-        for (std::size_t step = kSide / 2; step; step /= 2)
-            if (cdf[lo + step] <= wanted) lo += step;
+        for (std::size_t step = kSide / 2; step; step /= 2) lo += step * static_cast<std::size_t>(cdf[lo + step] <= wanted);
         *cell = lo;
         return (static_cast<double>(lo) + std::clamp((wanted - cdf[lo]) / (cdf[lo + 1] - cdf[lo]), 0.0, 1.0)) /
                kSide;
@@ -201,15 +195,16 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     thread_local std::vector<Vec3> origins, directions;
     thread_local std::vector<double> weights;
     thread_local std::vector<std::optional<SceneHit>> found;
-    origins.resize(rays), directions.resize(rays), weights.resize(rays), found.resize(rays);
+    thread_local std::vector<Vec2> squares;
+    origins.resize(rays), directions.resize(rays), weights.resize(rays), found.resize(rays), squares.resize(rays);
+    for (std::uint32_t i = 0; i < rays; ++i) squares[i] = guide.sample(points.pair(i, 0), &weights[i]);
+    map.directions(squares, directions);
     for (std::uint32_t i = 0; i < rays; ++i) {
-        double density = 1;
-        const Vec2 square = guide.sample(points.pair(i, 0), &density);
-        const Vec3 local = map.direction(square);
+        const Vec3 local = directions[i];
         const Footprint::Point at = footprint.sample(points.pair(i, 2));
         const Frame frame = footprint.bent() ? frame_around(at.normal) : plain;
         directions[i] = frame.world(local);
-        weights[i] = 1 / (density * map.density(local.z)); // solid angle times rays
+        weights[i] = 1 / (weights[i] * map.density(local.z)); // solid angle times rays
         // The hemisphere over a face stands for the one over the curve it is a part of. Over the shading normal the
         // kernel would lose what the face hides of it: a share of (1 - cos) / 2.
         if (chart.curved()) weights[i] *= 2 / (1 + std::max(0.0, dot(at.normal, kernel.frame.n)));

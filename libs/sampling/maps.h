@@ -5,6 +5,33 @@
 
 namespace kiln {
 
+namespace detail {
+// |x| <= pi/4
+inline double sin_small(double x) {
+    const double z = x * x;
+    double p = -1.0 / 1307674368000.0;
+    p = p * z + 1.0 / 6227020800.0;
+    p = p * z - 1.0 / 39916800.0;
+    p = p * z + 1.0 / 362880.0;
+    p = p * z - 1.0 / 5040.0;
+    p = p * z + 1.0 / 120.0;
+    p = p * z - 1.0 / 6.0;
+    return x + x * z * p;
+}
+inline double cos_small(double x) {
+    const double z = x * x;
+    double p = 1.0 / 20922789888000.0;
+    p = p * z - 1.0 / 87178291200.0;
+    p = p * z + 1.0 / 479001600.0;
+    p = p * z - 1.0 / 3628800.0;
+    p = p * z + 1.0 / 40320.0;
+    p = p * z - 1.0 / 720.0;
+    p = p * z + 1.0 / 24.0;
+    p = p * z - 0.5;
+    return 1 + z * p;
+}
+} // namespace detail
+
 struct SinCos {
     double sin = 0, cos = 1;
 };
@@ -13,7 +40,15 @@ struct SinCos {
 SinCos sincos_turns(double turns);
 
 // Low-distortion map of the square to the unit disc (P. Shirley and K. Chiu 1997).
-Vec2 concentric_disc(Vec2 u);
+inline Vec2 concentric_disc(Vec2 u) {
+    const double x = 2 * u.x - 1, y = 2 * u.y - 1;
+    if (x == 0 && y == 0) return {};
+    // Which of the two is larger is as good as random: no branch.
+    const bool wide = std::abs(x) > std::abs(y);
+    const double r = wide ? x : y, a = std::numbers::pi / 4 * ((wide ? y : x) / r);
+    const double along = r * detail::cos_small(a), across = r * detail::sin_small(a);
+    return {wide ? along : across, wide ? across : along};
+}
 
 // Direction around +z with density cos/pi; the disc above lifted to the sphere.
 inline Vec3 cosine_hemisphere(Vec2 u) {
