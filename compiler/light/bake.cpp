@@ -247,14 +247,7 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
 
 void Bake::find_neighbours() {
     neighbours_.assign(patches_.patches.size(), {});
-    for (const auto& [a, b] : edges_) {
-        const std::uint32_t p = patches_.piece_patch[a], q = patches_.piece_patch[b];
-        if (p != q) neighbours_[p].push_back(q), neighbours_[q].push_back(p);
-    }
-    for (auto& list : neighbours_) {
-        std::ranges::sort(list);
-        list.erase(std::unique(list.begin(), list.end()), list.end());
-    }
+    for (const auto& [p, q] : touching_patches(edges_, patches_)) neighbours_[p].push_back(q), neighbours_[q].push_back(p); // ascending, as the pairs are
 }
 
 // Patches of quality_.patch_size, their form factors, and the lights of each.

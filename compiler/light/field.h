@@ -59,6 +59,8 @@ public:
     Rgbd transmitted_from_sky(Vec3 origin, Vec3 unit_direction, const Widths& widths = {}, bool* blocked = nullptr) const;
     // How far in front of its surface a ray should start, map units.
     double push_off() const;
+    // Rays that this thread has traced so far, through any scene: for measuring.
+    static std::uint64_t traced();
     // "avx2", or "sse4.2" on a processor without it: part of what the bytes of a bake depend on.
     const std::string& instruction_set() const;
 

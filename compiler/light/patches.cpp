@@ -272,6 +272,15 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
     return out;
 }
 
+std::vector<std::array<std::uint32_t, 2>> touching_patches(const PieceEdges& edges, const PatchTable& table) {
+    std::vector<std::array<std::uint32_t, 2>> pairs;
+    for (const auto& [a, b] : edges)
+        if (const std::uint32_t p = table.piece_patch[a], q = table.piece_patch[b]; p != q) pairs.push_back({std::min(p, q), std::max(p, q)});
+    std::ranges::sort(pairs);
+    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+    return pairs;
+}
+
 std::vector<Rgbd> values_at_luxels(const Surfaces& s, const PieceEdges& edges, const PatchTable& table, std::span<const std::uint32_t> luxel_patch, const std::vector<Rgbd>& values) {
     constexpr double kRidge = 1e-3; // along which no neighbour lies, nothing is known
     const std::size_t n = table.patches.size(), luxels = s.luxels.size();
@@ -295,14 +304,8 @@ std::vector<Rgbd> values_at_luxels(const Surfaces& s, const PieceEdges& edges, c
         Rgbd x, y, most; // most: by which a neighbour differs
     };
     std::vector<Fit> fits(n);
-    std::vector<std::array<std::uint32_t, 2>> pairs;
-    for (const auto& [a, b] : edges) {
-        const std::uint32_t p = table.piece_patch[a], q = table.piece_patch[b];
-        if (p != q && area[p] > 0 && area[q] > 0) pairs.push_back({std::min(p, q), std::max(p, q)});
-    }
-    std::ranges::sort(pairs);
-    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
-    for (const auto& [p, q] : pairs) {
+    for (const auto& [p, q] : touching_patches(edges, table)) {
+        if (!(area[p] > 0 && area[q] > 0)) continue;
         const Vec2 d = center[q] - center[p];
         const double r2 = dot(d, d);
         if (!(r2 > 0)) continue;

@@ -28,6 +28,9 @@ PieceEdges piece_adjacency(const Surfaces& surfaces);
 // `h`: wanted patch size, map units.
 PatchTable build_patches(const World& world, const Surfaces& surfaces, const PieceEdges& edges, double h);
 
+// Patches that share an edge in one plane: each pair once, ascending.
+std::vector<std::array<std::uint32_t, 2>> touching_patches(const PieceEdges& edges, const PatchTable& table);
+
 // Values of patches (means over them) at their luxels: linear over each patch, with the slope that its neighbours along edges show. At
 // most as far off the mean as the neighbour that differs most, and nowhere below 0. `luxel_patch`: per luxel; kNoPatch: 0.
 std::vector<Rgbd> values_at_luxels(const Surfaces& surfaces, const PieceEdges& edges, const PatchTable& table, std::span<const std::uint32_t> luxel_patch,

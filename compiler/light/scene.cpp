@@ -8,6 +8,8 @@
 
 namespace kiln {
 
+static thread_local std::uint64_t rays_traced = 0;
+
 // Origins stand this far in front of their surface. Large against the rounding of the local frame (2^-24 of its
 // half extent), small against any wall.
 constexpr double kPushOffShare = 0x1p-21; // of the world's largest extent
@@ -55,6 +57,7 @@ struct TraceScene::Data {
         ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         RTCIntersectContext context;
         rtcInitIntersectContext(&context);
+        ++rays_traced;
         rtcIntersect1(scene, &context, &ray);
         if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
         return resolve(origin, direction, ray.hit.primID, ray.ray.tfar);
@@ -140,6 +143,8 @@ const std::string& TraceScene::instruction_set() const {
     return data_->isa;
 }
 
+std::uint64_t TraceScene::traced() { return rays_traced; }
+
 std::optional<SceneHit> TraceScene::closest(Vec3 origin, Vec3 unit_direction, double far) const {
     const Data& d = *data_;
     RTCRayHit ray;
@@ -148,6 +153,7 @@ std::optional<SceneHit> TraceScene::closest(Vec3 origin, Vec3 unit_direction, do
     ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
+    ++rays_traced;
     rtcIntersect1(d.scene, &context, &ray);
     if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return far < 1e30 ? std::nullopt : d.again(origin, unit_direction);
     return d.resolve(origin, unit_direction, ray.hit.primID, ray.ray.tfar);
@@ -156,6 +162,7 @@ std::optional<SceneHit> TraceScene::closest(Vec3 origin, Vec3 unit_direction, do
 void TraceScene::closest(std::span<const Vec3> origins, std::span<const Vec3> unit_directions,
                          std::span<std::optional<SceneHit>> hits) const {
     // Packets and single rays give the same bits on one instruction set, so the width is a matter of speed alone.
+    rays_traced += origins.size();
     const Data& d = *data_;
     constexpr std::size_t kWidth = 8;
     RTCIntersectContext context;
@@ -197,6 +204,7 @@ bool TraceScene::occluded(Vec3 from, Vec3 to) const {
     d.set_ray(ray, from, way / distance, distance * (1 - 0x1p-20));
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
+    ++rays_traced;
     rtcOccluded1(d.scene, &context, &ray);
     return ray.tfar < 0;
 }

@@ -41,10 +41,10 @@ std::string map_of(const std::string& scene, const std::string& root) {
 
 std::string row(const Measurement& m) {
     if (!m.skipped.empty()) return fmt::format("{:<17} {:<17} {:<20} {}", m.scene, m.method, m.setting, m.skipped);
-    return fmt::format("{:<17} {:<17} {:<20} {:>9.3f} {:>8.4g} {:>8.2f} {:>9} {:>9.2f} {:>8.0f}", m.scene, m.method, m.setting, m.cpu_s, m.errors.worst, m.errors.worst_noise,
-                       m.estimate > 0 ? fmt::format("{:.2f}", m.estimate) : "", m.rays * 1e-6, m.peak_mb);
+    return fmt::format("{:<17} {:<17} {:<20} {:>9.3f} {:>8.4g} {:>8.2f} {:>9} {:>9.2f} {:>10} {:>8.0f}", m.scene, m.method, m.setting, m.cpu_s, m.errors.worst, m.errors.worst_noise,
+                       m.estimate > 0 ? fmt::format("{:.2f}", m.estimate) : "", m.rays * 1e-6, m.traced > 0 ? fmt::format("{:.0f}", m.tracing()) : "", m.peak_mb);
 }
-const char* kHeader = "scene             method            setting                  CPU s  rRMSE %  noise %  estimate     Mrays       MB";
+const char* kHeader = "scene             method            setting                  CPU s  rRMSE %  noise %  estimate     Mrays  tracing %       MB";
 
 // One target with several seeds; adds its counts to `all`.
 std::string seeds_row(const Truth& truth, const std::vector<Measurement>& runs, Seeds* all) {
@@ -253,6 +253,7 @@ Command bench_command(CLI::App& app) {
     light->add_flag("--update-front", o->update, "Measure as --short does and store the front");
     light->footer("Error is the rRMSE of tools that compare irradiance: the root mean square over luxels and colour channels of\n"
                   "(value - truth) / max(truth, 2 % of the mean of truth), for the normal and the three basis vectors, the worst of the four.\n"
+                  "tracing %: what the tracer would take by itself for all rays of the bake, those of its estimate too, of the time of the bake (one thread).\n"
                   "The noise of the path-traced truth is taken out in quadrature. What the other methods are: compiler/light/rivals/NOTES.md\n"
                   "examples:\n  kiln bench light --root . -o build/bench_light\n  kiln bench light two_rooms --methods kiln,hemicube\n  kiln bench light --short");
     const Command stability = bench_stability_command(app);

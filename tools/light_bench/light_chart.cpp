@@ -29,18 +29,18 @@ std::vector<std::string> methods_of(std::span<const Measurement> all) {
 } // namespace
 
 std::string light_csv(std::span<const Measurement> measurements) {
-    std::string out = "scene,method,setting,cpu_s,calibration_rays_per_s,cost_million_rays,rays,peak_mb,luxels,luxels_lit,rrmse_percent,truth_noise_percent,rrmse_n,rrmse_b1,rrmse_b2,rrmse_b3,"
+    std::string out = "scene,method,setting,cpu_s,calibration_rays_per_s,cost_million_rays,rays,traced,peak_mb,luxels,luxels_lit,rrmse_percent,truth_noise_percent,rrmse_n,rrmse_b1,rrmse_b2,rrmse_b3,"
                       "bias_n,p95_n,estimate_percent,estimate_low,estimate_high,at_noise,skipped\n";
     for (const Measurement& m : measurements) {
         const Errors& e = m.errors;
         if (!m.skipped.empty()) {
             std::string why = m.skipped;
             std::ranges::replace(why, ',', ';');
-            out += fmt::format("{},{},{},,,,,,{},,,,,,,,,,,,,,{}\n", m.scene, m.method, m.setting, m.luxels, why);
+            out += fmt::format("{},{},{},,,,,,,{},,,,,,,,,,,,,,{}\n", m.scene, m.method, m.setting, m.luxels, why);
             continue;
         }
-        out += fmt::format("{},{},{},{:.4g},{:.4g},{:.4g},{:.0f},{:.1f},{},{},{:.4g},{:.3f},{:.4g},{:.4g},{:.4g},{:.4g},{:+.4g},{:.4g},", m.scene, m.method, m.setting, m.cpu_s, m.calibration, m.cost(),
-                           m.rays, m.peak_mb, m.luxels, m.lit, e.worst, e.worst_noise, e.rrmse[0], e.rrmse[1], e.rrmse[2], e.rrmse[3], e.bias[0], e.p95);
+        out += fmt::format("{},{},{},{:.4g},{:.4g},{:.4g},{:.0f},{:.0f},{:.1f},{},{},{:.4g},{:.3f},{:.4g},{:.4g},{:.4g},{:.4g},{:+.4g},{:.4g},", m.scene, m.method, m.setting, m.cpu_s, m.calibration, m.cost(),
+                           m.rays, m.traced, m.peak_mb, m.luxels, m.lit, e.worst, e.worst_noise, e.rrmse[0], e.rrmse[1], e.rrmse[2], e.rrmse[3], e.bias[0], e.p95);
         out += m.estimate > 0 ? fmt::format("{:.3f},{:.3f},{:.3f}", m.estimate, m.low, m.high) : ",,";
         out += fmt::format(",{},\n", e.at_noise() ? 1 : 0);
     }

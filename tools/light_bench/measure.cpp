@@ -45,20 +45,20 @@ void reset_peak() {
 double calibrate(const rivals::Scene& scene, std::span<const rivals::Receiver> receivers) {
     if (receivers.empty()) return 0;
     constexpr std::uint32_t kBundle = 256, kBundles = 1200;
-    std::vector<Vec3> origins(kBundle), ways(kBundle);
+    std::vector<Vec3> origins, ways;
+    for (std::uint32_t b = 0; b < kBundles; ++b) {
+        const rivals::Receiver& r = receivers[b % receivers.size()];
+        const Sobol points(b);
+        const Frame frame = frame_around(r.normal);
+        for (std::uint32_t i = 0; i < kBundle; ++i) {
+            origins.push_back(r.point + r.normal * scene.trace().push_off());
+            ways.push_back(frame.world(cosine_hemisphere(points.pair(i, 0))));
+        }
+    }
     std::vector<std::optional<SceneHit>> hits(kBundle);
     const double start = cpu_seconds();
     for (int repeat = 0; repeat < 3; ++repeat)
-        for (std::uint32_t b = 0; b < kBundles; ++b) {
-            const rivals::Receiver& r = receivers[b % receivers.size()];
-            const Sobol points(b);
-            const Frame frame = frame_around(r.normal);
-            for (std::uint32_t i = 0; i < kBundle; ++i) {
-                origins[i] = r.point + r.normal * scene.trace().push_off();
-                ways[i] = frame.world(cosine_hemisphere(points.pair(i, 0)));
-            }
-            scene.trace().closest(origins, ways, hits);
-        }
+        for (std::size_t b = 0; b < kBundles; ++b) scene.trace().closest(std::span(origins).subspan(b * kBundle, kBundle), std::span(ways).subspan(b * kBundle, kBundle), hits);
     return 3.0 * kBundle * kBundles / (cpu_seconds() - start);
 }
 
@@ -167,6 +167,7 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
     options.error_percent = target, options.encoding = RnmEncoding::tilted, options.directional = flat ? Directional::none : Directional::all, options.seed = seed;
     reset_peak();
     const double before = status_kb("VmRSS:"), start = cpu_seconds();
+    const std::uint64_t traced = TraceScene::traced();
     const Result<Lighting> baked = bake_light(in.world, in.bsp, in.bsp.planes, in.surfaces, in.lights, options, context);
     m.cpu_s = cpu_seconds() - start;
     m.peak_mb = std::max(0.0, status_kb("VmHWM:") - before) / 1024;
@@ -176,6 +177,7 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
     }
     m.calibration = (m.calibration + calibrated()) / 2;
     m.rays = static_cast<double>(baked->rays);
+    if (context.threads == 1) m.traced = static_cast<double>(TraceScene::traced() - traced);
     m.estimate = baked->error.estimate, m.low = baked->error.low, m.high = baked->error.high;
     m.own_noise = std::hypot(baked->error.noise, baked->error.solution), m.own_bias = std::hypot(baked->error.patch_bias, baked->error.shortcuts);
     for (const std::uint32_t l : truth.luxels) {

@@ -62,11 +62,13 @@ struct Measurement {
     double own_noise = 0, own_bias = 0;          // percent: the parts of it that differ from seed to seed, and that do not
     std::uint64_t luxels = 0, lit = 0;           // of the scene; at which it was measured
     double rays = 0;                             // for all luxels
+    double traced = 0;                           // all rays of the bake by the tracer's own count, those of its estimate too; 0: of more threads than one, not known
     double peak_mb = 0;                          // by which the process grew at most
     Errors errors;
     std::vector<rivals::Irradiance> values;      // of the bake, at the luxels of truth
     std::string skipped;                         // why there are no numbers
     double cost() const { return cpu_s * calibration * 1e-6; } // in million rays of the tracer
+    double tracing() const { return 100 * traced / (calibration * cpu_s); } // percent: of the time what the tracer would have taken by itself
 };
 
 // The bake itself, to an error target; `flat`: irradiance along the normal alone is baked and compared.
