@@ -457,6 +457,7 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     const std::vector<LightRef>& list = lists_[p];
     std::vector<double> variances(luxels.size());
     for (const std::uint32_t l : luxels) direct_[l] = {};
+    brought_[p].assign(list.size(), 0);
     const std::uint64_t key = memo_ ? mix(base_, table_.low, p, effort_[p], pass) : 0;
     PatchDirect kept, now;
     if (const Bytes* bytes = memo_ && !luxels.empty() ? memo_->direct.find(key, {}) : nullptr) kept = from_bytes<PatchDirect>(*bytes);
@@ -490,7 +491,9 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
             now.divided[r] = (*divided)[r];
             if (dark) part.clear();
         }
-        for (std::size_t i = 0; i < part.size(); ++i) direct_[luxels[i]] += part[i].sum, variances[i] += part[i].variance;
+        double brought = 0;
+        for (std::size_t i = 0; i < part.size(); ++i) direct_[luxels[i]] += part[i].sum, variances[i] += part[i].variance, brought += mean(part[i].sum.flat);
+        if (n) brought_[p][r] = static_cast<float>(brought / static_cast<double>(n));
         (*divided)[r] = now.divided[r], *rays += now.rays[r];
     }
     for (std::size_t i = 0; i < n; ++i) direct_variance_[luxels[i]] = static_cast<float>(variances[i]);
@@ -501,6 +504,7 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
 std::vector<std::vector<std::uint8_t>> Bake::luxel_direct(std::span<const std::uint32_t> patches) {
     direct_.resize(surfaces_.luxels.size());
     direct_variance_.resize(surfaces_.luxels.size());
+    brought_.resize(patches_.patches.size());
     std::vector<std::vector<std::uint8_t>> divided(patches_.patches.size());
     // Other points each time: that a place was found noisy must not be part of its value.
     const std::uint64_t pass = 1024 + direct_passes_++;

@@ -110,10 +110,10 @@ void Bake::note_states() {
     for (std::uint32_t e = 0; e < emitters_.emitters.size(); ++e) states_[emitter_part(e)] = states_coarse_[emitter_part(e)] = hash_of(emitters_.emitters[e].radiance).low;
     for (std::size_t p = 0; p < n; ++p) {
         std::uint64_t all = 0;
-        for (const LightRef& r : lists_[p]) {
-            const std::uint64_t h = hash_of_ref(r);
-            all = mix(all, h);
-            if (r.is_emitter) emitters_hash_[p] = mix(emitters_hash_[p], h);
+        for (std::size_t k = 0; k < lists_[p].size(); ++k) {
+            const std::uint64_t h = hash_of_ref(lists_[p][k]);
+            all = mix(all, h, std::bit_cast<std::uint32_t>(brought_[p][k])); // a light close by is drawn by what each brings
+            if (lists_[p][k].is_emitter) emitters_hash_[p] = mix(emitters_hash_[p], h);
         }
         states_[p] = reflects_[p], states_coarse_[p] = mix(reflects_[p], reflects_coarse_[p]);
         states_[n + p] = states_coarse_[n + p] = emitters_hash_[p];
