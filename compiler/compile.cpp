@@ -317,7 +317,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!shut.empty())
         for (const AreaPortal& p : out.bsp.area_portals) areas.insert(areas.end(), p.areas.begin(), p.areas.end());
     const Hash seen_from = all(out.portals, out.bsp.cluster_count, sight, shut, areas);
-    const auto visibility = stages.run(Stage::visibility, 4, seen_from, places, out.visibility, [&] { return see(seen_from, shut, sight, run, context, out); }, [&] { return !out.visibility_stopped; });
+    const auto visibility = stages.run(Stage::visibility, 5, seen_from, places, out.visibility, [&] { return see(seen_from, shut, sight, run, context, out); }, [&] { return !out.visibility_stopped; });
     if (!visibility) return visibility.fault();
     if (options.vis_merge >= 0) {
         out.merged = merge_clusters(out.visibility, out.bsp, options.vis_merge, context);

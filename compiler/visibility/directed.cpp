@@ -96,7 +96,7 @@ void transpose(std::uint64_t (&a)[64]) {
         }
 }
 BitRows transposed(const BitRows& of, std::size_t n, Context& context) {
-    constexpr std::size_t kTile = 8; // words: whole cache lines on both sides
+    constexpr std::size_t kTile = 8; // words, as much as a cache line on both sides
     BitRows out(n, n);
     const std::size_t words = of.words();
     parallel_for(context, (words + kTile - 1) / kTile, [&](std::size_t tile) {
@@ -191,13 +191,19 @@ SparseRows flood(const DirectedPortals& of, const Exits& exits, double radius, c
     const std::span<const Directed> portals = of.ways;
     const std::size_t n = portals.size();
     BitRows base = plane_tests(of, radius, stop, context), reach(n, n);
-    // Exits that a way may go on to, as the test against it alone says.
+    // Exits that a way may go on to, as the test against it alone says: side by side, where there are not too many (clusters with very many portals).
+    constexpr std::size_t kMostListed = std::size_t{1} << 26;
+    std::size_t pairs = 0;
+    for (const Directed& p : portals) pairs += exits.of(p.to).size();
+    const bool listed = pairs <= kMostListed;
     Exits next;
-    next.first.assign(1, 0);
-    for (const Directed& p : portals) {
-        for (const std::uint32_t q : exits.of(p.to))
-            if (get_bit(base.row(next.first.size() - 1), q)) next.portal.push_back(q);
-        next.first.push_back(static_cast<std::uint32_t>(next.portal.size()));
+    if (listed) {
+        next.first.assign(1, 0);
+        for (std::size_t p = 0; p < n; ++p) {
+            for (const std::uint32_t q : exits.of(portals[p].to))
+                if (get_bit(base.row(p), q)) next.portal.push_back(q);
+            next.first.push_back(static_cast<std::uint32_t>(next.portal.size()));
+        }
     }
     parallel_for(context, n, [&](std::size_t p) {
         const std::uint64_t* front = base.row(p);
@@ -210,18 +216,19 @@ SparseRows flood(const DirectedPortals& of, const Exits& exits, double radius, c
         while (!open.empty()) {
             const std::uint32_t last = open.back();
             open.pop_back();
-            for (const std::uint32_t q : next.of(last))
-                if (get_bit(front, q) && !get_bit(row, q)) set_bit(row, q), open.push_back(q);
+            for (const std::uint32_t q : listed ? next.of(last) : exits.of(portals[last].to))
+                if (get_bit(front, q) && !get_bit(row, q) && (listed || get_bit(base.row(last), q))) set_bit(row, q), open.push_back(q);
         }
     });
-    base = {};
+    base = {}, next = {};
     // p sees q exactly if q, looked through backwards, sees p backwards.
-    const BitRows columns = transposed(reach, n, context);
+    BitRows columns = transposed(reach, n, context);
     parallel_for(context, n, [&](std::size_t p) {
         constexpr std::uint64_t kEven = 0x5555555555555555ull;
         const std::uint64_t* column = columns.row(reversed(static_cast<std::uint32_t>(p)));
         for (std::size_t w = 0; w < reach.words(); ++w) reach.row(p)[w] &= (column[w] & kEven) << 1 | (column[w] >> 1 & kEven);
     });
+    columns = {};
     return SparseRows(reach);
 }
 

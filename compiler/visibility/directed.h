@@ -80,8 +80,8 @@ inline std::size_t count_bits(const std::uint64_t* row, std::size_t words) {
     return n;
 }
 
-// Of a large map a way reaches a small part. Rows of ways, here and in what comes of them, hold only the blocks of eight words (a cache
-// line) in which the flood has anything; before them stands an empty one, which all that are missing are read from.
+// Of a large map a way reaches a small part. Rows of ways, here and in what comes of them, hold only the blocks of eight words (the size of a
+// cache line) in which the flood has anything; before them stands an empty one, which all that are missing are read from.
 constexpr std::size_t kBlockWords = 8;
 class RowLayout {
 public:

@@ -201,7 +201,9 @@ private:
     }
     // Along a line each portal sees all later ones, and backwards. A line is one, however the search went on.
     void learn(const std::vector<FlowFound>& found) {
-        parallel_for(context_, found.size(), [&](std::size_t f) {
+        Context whole = context_; // all or nothing: what is kept of a run that is cancelled must not depend on when
+        whole.stop = nullptr;
+        parallel_for(whole, found.size(), [&](std::size_t f) {
             const Chains& lines = found[f].lines;
             for (std::size_t i = 0; i < lines.size(); ++i)
                 for (std::size_t a = 0; a < lines[i].size(); ++a)
@@ -228,15 +230,16 @@ private:
         r.found.assign(ways.size(), {});
         r.ends.assign(ways.size(), FlowEnd::stopped);
         std::vector<double> seconds(ways.size(), 0);
-        parallel_for(context_, ways.size(), [&](std::size_t k) { // the longest first: threads then end together
-            const std::size_t i = ways.size() - 1 - k;
+        std::atomic<std::size_t> taken{0};
+        parallel_for(context_, ways.size(), [&](std::size_t) { // the longest first, by whoever is free: threads then end together
+            const std::size_t k = taken++, i = ways.size() - 1 - k;
             const auto begin = thread_seconds();
             r.ends[i] = flow(input, ways[i], budget, r.rows.data() + i * words_, r.found[i]);
             seconds[k] = thread_seconds() - begin;
         });
         if (std::ranges::find(r.ends, FlowEnd::stopped) != r.ends.end()) return context_.check_cancelled(), false;
         if (run_.waves) run_.waves->push_back(std::move(seconds));
-        learn(r.found); // may yet be cancelled; from here on the state changes as a whole
+        learn(r.found);
         return true;
     }
 
@@ -309,7 +312,7 @@ private:
         std::vector<std::uint32_t> kept;
         each_witness([&](std::span<const std::uint32_t> chain) {
             if (!reach_.row(chain.front()).has(chain.back())) return;
-            if (holds(chain)) kept.push_back(static_cast<std::uint32_t>(chain.size())), kept.insert(kept.end(), chain.begin(), chain.end());
+            if (state_.loose[chain.front()] || holds(chain)) kept.push_back(static_cast<std::uint32_t>(chain.size())), kept.insert(kept.end(), chain.begin(), chain.end());
             else clear_bit(r.rows.data() + at[chain.front()] * words_, chain.back());
         });
         const std::uint64_t budget = options_.total_budget ? std::max<std::uint64_t>(1, options_.step_budget ? std::min(options_.step_budget, left()) : left()) : options_.step_budget;
