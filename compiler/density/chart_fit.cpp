@@ -49,7 +49,7 @@ template <std::size_t kChannels> void lookup(const float* texels, std::size_t wi
     for (std::size_t k = 0; k < kChannels; ++k) out[k] = a * p[k] + b * q[k] + c * r[k] + d * s[k];
 }
 
-// The number of kChannels is known to the compiler: they are the innermost loop of everything.
+// The number of channels is known to the compiler: they are the innermost loop of everything.
 template <std::size_t kChannels> class Fitting {
 public:
     explicit Fitting(const ChartLight& light) : l_(light), vx_(light.vertices_x()), vy_(light.vertices_y()), used_(std::size_t{vx_} * vy_), shown_(std::size_t{vx_} * vy_ * kChannels) {
@@ -225,7 +225,7 @@ template <std::size_t kChannels> ChartFit Fitting<kChannels>::fit(const Axis& ax
         for (std::size_t k = 0; held[t] && k < kChannels; ++k) residual[t * kChannels + k] = 0;
     }
 
-    // Conjugate gradients, preconditioned by the diagonal, all kChannels side by side.
+    // Conjugate gradients, preconditioned by the diagonal, all channels side by side.
     const std::size_t size = n * kChannels;
     std::vector<double> change(size), step(size), image(size);
     std::array<double, kChannels> rho{}, stop{}, sum{};

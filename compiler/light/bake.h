@@ -70,7 +70,6 @@ struct HemisphereMap {
         const double s = r2 > 0 ? std::sqrt(std::max(0.0, 1 - z * z) / r2) : 0;
         return {d.x * s, d.y * s, z};
     }
-    void directions(std::span<const Vec2> squares, std::span<Vec3> out) const;
     double density(double z) const { return (2 * a * z + 1 - a) * 0.15915494309189535; }
     // Where a cosine-distributed point of the square would have to lie for this map to give the same direction.
     Vec2 from_cosine(Vec2 square) const;

@@ -19,11 +19,6 @@ constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to 
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 } // namespace
 
-// In a loop of its own, so that what one waits for, the next works on.
-void HemisphereMap::directions(std::span<const Vec2> squares, std::span<Vec3> out) const {
-    for (std::size_t i = 0; i < squares.size(); ++i) out[i] = direction(squares[i]);
-}
-
 Vec2 HemisphereMap::from_cosine(Vec2 square) const {
     if (a >= 1) return square;
     const Vec2 c{2 * square.x - 1, 2 * square.y - 1};
@@ -208,8 +203,9 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     thread_local std::vector<std::optional<SceneHit>> found;
     thread_local std::vector<Vec2> squares;
     origins.resize(rays), directions.resize(rays), weights.resize(rays), found.resize(rays), squares.resize(rays);
+    // Each in a loop of its own: what one ray waits for, the next works on meanwhile.
     for (std::uint32_t i = 0; i < rays; ++i) squares[i] = guide.sample(points.pair(i, 0), &weights[i]);
-    map.directions(squares, directions);
+    for (std::uint32_t i = 0; i < rays; ++i) directions[i] = map.direction(squares[i]);
     for (std::uint32_t i = 0; i < rays; ++i) {
         const Vec3 local = directions[i];
         const Footprint::Point at = footprint.sample(points.pair(i, 2));

@@ -8,7 +8,9 @@
 
 namespace kiln {
 
-static thread_local std::uint64_t rays_traced = 0;
+namespace {
+thread_local std::uint64_t rays_traced = 0;
+}
 
 // Origins stand this far in front of their surface. Large against the rounding of the local frame (2^-24 of its
 // half extent), small against any wall.

@@ -103,6 +103,8 @@ template <class Word> struct RowOf {
     Word* data = nullptr; // null: no row
     std::uint64_t word(std::size_t w) const { return data[slot[w / kBlockWords] * kBlockWords + w % kBlockWords]; }
     bool has(std::size_t i) const { return word(i / 64) >> (i % 64) & 1; }
+    void clear(std::size_t i) const { *place(i) &= ~(std::uint64_t{1} << (i % 64)); } // of a bit that is set
+    operator RowOf<const Word>() const { return {slot, data}; }
     // The word that bit i is kept in; null: nowhere.
     Word* place(std::size_t i) const { return slot[i / 64 / kBlockWords] ? data + slot[i / 64 / kBlockWords] * kBlockWords + i / 64 % kBlockWords : nullptr; }
 };
@@ -126,7 +128,6 @@ public:
     Row row(std::size_t r) const { return {layout_->slots(like_[r]), data_.data() + first_[r]}; }
     RowOf<std::uint64_t> row(std::size_t r) { return {layout_->slots(like_[r]), data_.data() + first_[r]}; }
     std::span<const std::uint64_t> kept(std::size_t r) const { return {data_.data() + first_[r], data_.data() + first_[r + 1]}; }
-    std::span<std::uint64_t> kept(std::size_t r) { return {data_.data() + first_[r], data_.data() + first_[r + 1]}; }
     // f(number of the word, the word) of those that are kept, in order.
     template <class F> void each_word(std::size_t r, F&& f) const {
         const Row at = row(r);

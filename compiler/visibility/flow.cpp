@@ -206,13 +206,13 @@ void Passages::tighten(std::span<const Directed> portals, const Exits& exits, Sp
         parallel_for(context, todo.size(), [&](std::size_t i) {
             const std::uint32_t p = todo[i];
             const auto row = struck.row(i);
-            const Row old = std::as_const(reach).row(p);
+            const Row old = reach.row(p);
             const auto out = exits.of(portals[p].to);
-            std::ranges::copy(std::as_const(reach).kept(p), row.data);
+            std::ranges::copy(reach.kept(p), row.data);
             for (std::size_t k = 0; k < out.size(); ++k) {
                 if (!old.has(out[k])) continue;
-                *row.place(out[k]) &= ~(std::uint64_t{1} << (out[k] % 64));
-                const Row next = std::as_const(reach).row(out[k]), both = of(p, k); // seen through the next portal, and through the two
+                row.clear(out[k]);
+                const Row next = reach.row(out[k]), both = of(p, k); // seen through the next portal, and through the two
                 for (std::size_t b = 0; b < reach.blocks(); ++b) {
                     if (!row.slot[b] || !next.slot[b]) continue;
                     std::uint64_t* left = row.data + row.slot[b] * kBlockWords;

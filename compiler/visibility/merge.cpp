@@ -85,8 +85,7 @@ private:
 
     // Of the bits of `row` that are not in `without`.
     template <class F> void each(const std::uint64_t* row, const std::uint64_t* without, F&& f) const {
-        for (std::size_t w = 0; w < rows_.words(); ++w)
-            for (std::uint64_t bits = row[w] & ~(without ? without[w] : 0); bits; bits &= bits - 1) f(static_cast<std::uint32_t>(w * 64 + static_cast<std::size_t>(std::countr_zero(bits))));
+        for (std::size_t w = 0; w < rows_.words(); ++w) each_bit(w, row[w] & ~(without ? without[w] : 0), f);
     }
     std::uint64_t gain(std::uint32_t a, std::uint32_t b) const { // leaves that b sees and a does not
         std::uint64_t n = 0;

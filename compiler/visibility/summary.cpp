@@ -73,8 +73,7 @@ VisibilitySummary summary(const Visibility& v, std::span<const std::uint32_t> le
         s.most = std::max(s.most, count);
         s.leaves += static_cast<std::uint32_t>(weight[a]);
         std::uint64_t seen = 0;
-        for (std::size_t w = 0; w < words; ++w)
-            for (std::uint64_t bits = row[w]; bits; bits &= bits - 1) seen += weight[w * 64 + static_cast<std::size_t>(std::countr_zero(bits))];
+        for (std::size_t w = 0; w < words; ++w) vis::each_bit(w, row[w], [&](std::uint32_t c) { seen += weight[c]; });
         leaf_pairs += seen * weight[a];
     }
     if (s.clusters) s.mean = static_cast<double>(s.pairs) / s.clusters;

@@ -169,7 +169,7 @@ private:
     }
     void not_searched(std::uint32_t p, std::uint64_t* row) const {
         const std::uint32_t mine = rank_[p / 2];
-        const Row known = std::as_const(known_).row(p);
+        const Row known = known_.row(p);
         reach_.each_word(p, [&](std::size_t w, std::uint64_t may) {
             if (!may) return;
             std::uint64_t others = 0;
@@ -194,7 +194,7 @@ private:
     // p does not see q: q looked through backwards does not see p backwards.
     void strike(std::uint32_t p, std::uint32_t q) {
         for (const auto& [a, b] : {std::pair{p, q}, std::pair{reversed(q), reversed(p)}})
-            if (reach_.row(a).has(b)) *reach_.row(a).place(b) &= ~(std::uint64_t{1} << (b % 64)), --count_[a];
+            if (reach_.row(a).has(b)) reach_.row(a).clear(b), --count_[a];
     }
     void note(std::uint32_t p, std::uint32_t q) {
         if (std::uint64_t* word = known_.row(p).place(q)) std::atomic_ref(*word).fetch_or(std::uint64_t{1} << (q % 64), std::memory_order_relaxed);

@@ -232,12 +232,16 @@ TEST(SparseRows, HoldWhatDenseRowsHold) {
         std::size_t bits = 0, words = 0;
         sparse.each_word(r, [&](std::size_t w, std::uint64_t word) {
             ++words;
-            if (word) EXPECT_EQ(word, dense.row(r)[w]);
+            if (word) {
+                EXPECT_EQ(word, dense.row(r)[w]);
+            }
             each_bit(w, word, [&](std::uint32_t i) { bits += get_bit(dense.row(r), i); });
         });
         EXPECT_EQ(bits, count_bits(dense.row(r), dense.words()));
         EXPECT_EQ(words + kBlockWords, sparse.kept(r).size());
-        if (r % 2) EXPECT_LE(words, 2 * kBlockWords); // 600 of 3,000 bits
+        if (r % 2) {
+            EXPECT_LE(words, 2 * kBlockWords); // 600 of 3,000 bits
+        }
     }
     EXPECT_EQ(sparse.row(0).place(7), nullptr);
     // Others of the same layout, in another order.
