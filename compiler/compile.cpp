@@ -196,7 +196,7 @@ double sight_radius(const World& world, Context& context) {
 // The visibility stage, taken up where an earlier run was stopped; what it came to is kept where it is stopped again.
 Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const VisibilityOptions& options, const CompileRun& run, Context& context, Compiled& out) {
     const bool keeps = run.store && run.store->enabled() && !options.fast;
-    const Hash place = all(std::string("visibility in progress, 4"), key);
+    const Hash place = all(std::string("visibility in progress, 5"), key);
     std::array<VisibilityProgress, 2> progress; // area portals open, and shut
     const auto begin = std::chrono::steady_clock::now();
     if (keeps)
@@ -317,7 +317,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!shut.empty())
         for (const AreaPortal& p : out.bsp.area_portals) areas.insert(areas.end(), p.areas.begin(), p.areas.end());
     const Hash seen_from = all(out.portals, out.bsp.cluster_count, sight, shut, areas);
-    const auto visibility = stages.run(Stage::visibility, 5, seen_from, places, out.visibility, [&] { return see(seen_from, shut, sight, run, context, out); }, [&] { return !out.visibility_stopped; });
+    const auto visibility = stages.run(Stage::visibility, 6, seen_from, places, out.visibility, [&] { return see(seen_from, shut, sight, run, context, out); }, [&] { return !out.visibility_stopped; });
     if (!visibility) return visibility.fault();
     if (options.vis_merge >= 0) {
         out.merged = merge_clusters(out.visibility, out.bsp, options.vis_merge, context);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <deque>
 #include <numeric>
 #include <utility>
 
@@ -77,11 +76,6 @@ namespace {
 
 constexpr std::uint32_t kLines = 4; // tried through a chain that the flow has found
 
-// Some bits of a row, those of no bit left out.
-struct Bits {
-    std::uint32_t word = 0;
-    std::uint64_t bits = 0;
-};
 bool has(const std::vector<Bits>& list, std::uint32_t i) {
     const auto at = std::ranges::lower_bound(list, i / 64, {}, &Bits::word);
     return at != list.end() && at->word == i / 64 && (at->bits >> (i % 64) & 1);
@@ -96,15 +90,6 @@ std::size_t still_wanted(std::span<const Bits> list, Row a, Row b, const std::ui
     }
     return n;
 }
-
-struct Frame {
-    std::uint32_t portal = 0;             // the one entered last
-    std::uint32_t next = 0;               // which exit of its cluster comes next
-    Row reach, passage;                   // what may be seen behind it, as far as sets tell that are known beforehand
-    Polygon source, pass;                 // the base portal's has no pass and no separators
-    Planes separators;                    // of (source, pass)
-    std::vector<Bits> wanted;             // what may be seen from here on, was not seen yet and lies behind no plane of the chain
-};
 
 bool hidden(const Directed& portal, const Planes& planes, double noise) { return kernels().hidden(portal.shape, portal.sphere, planes.view(), noise); }
 
@@ -245,56 +230,88 @@ void Passages::tighten(std::span<const Directed> portals, const Exits& exits, Sp
     }
 }
 
-FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget, std::uint64_t* seen, FlowFound& found, SightChain* chain) {
+Flow::Flow(const FlowInput& input, std::uint32_t p, const std::uint64_t* seen) : in_(&input), base_(p), frames_(1), chain_{p}, on_chain_(input.reach->words(), 0) {
+    frames_[0].portal = p;
+    frames_[0].end = static_cast<std::uint32_t>(input.exits->of(input.portals->ways[p].to).size());
+    frames_[0].source.assign(input.portals->ways[p].shape);
+    frames_[0].reach = input.reach->row(p);
+    input.reach->each_word(p, [&](std::size_t w, std::uint64_t bits) {
+        if (bits &= ~seen[w]) frames_[0].wanted.push_back({static_cast<std::uint32_t>(w), bits});
+    });
+    set_bit(on_chain_.data(), p);
+}
+
+std::vector<Flow::Branch> Flow::left() const {
+    std::vector<Branch> out;
+    for (std::size_t d = depth_ + 1; d-- > 0;) {
+        const Frame& f = frames_[d];
+        const auto exits = in_->exits->of(in_->portals->ways[f.portal].to);
+        for (std::uint32_t k = f.next; k < f.end; ++k) {
+            const Row reach = in_->reach->row(exits[k]), passage = in_->passages->of(f.portal, k);
+            if (get_bit(on_chain_.data(), exits[k])) continue;
+            if (has(f.wanted, exits[k]) || std::ranges::any_of(f.wanted, [&](const Bits& some) { return some.bits & reach.word(some.word) & (passage.data ? passage : reach).word(some.word); }))
+                out.push_back({static_cast<std::uint32_t>(d), k});
+        }
+    }
+    return out;
+}
+Flow Flow::part(std::span<const Branch> branches) const {
+    Flow out;
+    out.in_ = in_, out.base_ = base_, out.depth_ = branches.front().depth;
+    out.chain_.assign(chain_.begin(), chain_.begin() + static_cast<std::ptrdiff_t>(out.depth_ + 1));
+    out.on_chain_.resize(on_chain_.size());
+    for (const std::uint32_t p : out.chain_) set_bit(out.on_chain_.data(), p);
+    out.frames_.assign(frames_.begin(), frames_.begin() + static_cast<std::ptrdiff_t>(out.depth_ + 1));
+    for (Frame& f : out.frames_) f.next = f.end = 0;
+    for (const Branch& branch : branches) {
+        Frame& f = out.frames_[branch.depth];
+        if (f.end == 0) f.next = branch.exit;
+        f.end = branch.exit + 1;
+    }
+    return out;
+}
+
+FlowEnd Flow::go(std::uint64_t steps, std::uint64_t* seen, FlowFound& found, SightChain* chain) {
+    const FlowInput& in = *in_;
     const std::span<const Directed> portals = in.portals->ways;
     const Rounding& rounding = in.portals->rounding;
     const double noise = rounding.noise;
-    const Directed& b = portals[base];
-    std::deque<Frame> frames(1); // a deque: frames stay where they are while deeper ones come
-    std::vector<std::uint8_t> on_chain(portals.size(), 0);
-    std::vector<std::uint32_t> so_far{base}; // the chain
+    const Directed& b = portals[base_];
+    const std::uint64_t end = steps ? found.steps + steps : UINT64_MAX;
     Polygon scratch, other;
     Planes back;
-
-    frames[0].portal = base;
-    frames[0].source.assign(b.shape);
-    frames[0].reach = in.reach->row(base);
-    in.reach->each_word(base, [&](std::size_t w, std::uint64_t bits) {
-        if (bits &= ~seen[w]) frames[0].wanted.push_back({static_cast<std::uint32_t>(w), bits});
-    });
-    on_chain[base] = 1;
-    std::size_t depth = 0;
     for (;;) {
-        Frame& f = frames[depth];
+        Frame& f = frames_[depth_];
         const auto exits = in.exits->of(portals[f.portal].to);
-        if (f.next == exits.size()) {
-            on_chain[f.portal] = 0;
-            if (depth == 0) return FlowEnd::done;
-            --depth, so_far.pop_back();
+        if (f.next == f.end) {
+            clear_bit(on_chain_.data(), f.portal);
+            if (depth_ == 0) return FlowEnd::done;
+            --depth_, chain_.pop_back();
             continue;
         }
-        const std::size_t way = f.next++;
+        const std::size_t way = f.next;
         const std::uint32_t q = exits[way];
-        if (on_chain[q]) continue; // a line crosses no portal twice
+        ++f.next;
+        if (get_bit(on_chain_.data(), q)) continue; // a line crosses no portal twice
         const bool known = get_bit(seen, q);
         if (!known && !has(f.wanted, q)) continue;
-        if (frames.size() <= depth + 1) frames.emplace_back();
-        Frame& g = frames[depth + 1];
+        if (frames_.size() <= depth_ + 1) frames_.emplace_back();
+        Frame& g = frames_[depth_ + 1];
         g.reach = in.reach->row(q);
         g.passage = in.passages->of(f.portal, way);
         g.wanted.resize(f.wanted.size());
         g.wanted.resize(still_wanted(f.wanted, g.reach, g.passage.data ? g.passage : g.reach, seen, g.wanted.data()));
         if (g.wanted.empty() && known) continue;
+        if (found.steps >= end) return --f.next, FlowEnd::over_budget;
         if ((++found.steps & 255) == 0 && (*in.stop)()) return FlowEnd::stopped;
-        if (step_budget && found.steps >= step_budget) return FlowEnd::over_budget;
         // What was seen already when the planes of the chain were tried is tried against them only now, when it matters:
         // a chain must be the same whatever was known beforehand.
-        if (known && excluded(frames, depth, portals[q], q, noise)) continue;
+        if (known && excluded(frames_, depth_, portals[q], q, noise)) continue;
 
         const Directed& t = portals[q];
         if (!in_front(b, t, in.epsilon, noise, g.pass, scratch)) continue;
         if (!behind(t, b, f.source.view(), in.epsilon, noise, g.source, scratch)) continue;
-        if (depth > 0) {
+        if (depth_ > 0) {
             if (!other.clip(g.pass.view(), f.separators.view(), t.sphere, in.epsilon, noise, scratch)) continue;
             std::swap(g.pass, other);
             // Looking back from q through the portal before it, only a part of the source may be left.
@@ -302,31 +319,31 @@ FlowEnd flow(const FlowInput& in, std::uint32_t base, std::uint64_t step_budget,
             if (!other.clip(g.source.view(), back.view(), b.sphere, in.epsilon, noise, scratch)) continue;
             std::swap(g.source, other);
         }
-        so_far.push_back(q);
+        chain_.push_back(q);
         if (!known) {
             set_bit(seen, q);
             if (chain) {
-                chain->portals = so_far;
+                chain->portals = chain_;
                 chain->source = g.source.points(), chain->pass = g.pass.points();
                 return FlowEnd::done;
             }
-            (line_through(in, so_far, g.source, g.pass) ? found.lines : found.witnesses).add(so_far);
+            (line_through(in, chain_, g.source, g.pass) ? found.lines : found.witnesses).add(chain_);
         }
         if (!g.wanted.empty()) {
             g.separators.separate(g.source.view(), b, g.pass.view(), t, rounding);
-            if (depth > 0 || !g.passage.data) { // else struck by these very planes
+            if (depth_ > 0 || !g.passage.data) { // else struck by these very planes
                 for (Bits& some : g.wanted) some.bits = not_hidden(portals, g.separators, some.word, some.bits, noise);
                 std::erase_if(g.wanted, [](const Bits& some) { return some.bits == 0; });
             }
         }
         if (g.wanted.empty()) {
-            so_far.pop_back();
+            chain_.pop_back();
             continue;
         }
         g.portal = q;
-        g.next = 0;
-        on_chain[q] = 1;
-        ++depth;
+        g.next = 0, g.end = static_cast<std::uint32_t>(in.exits->of(t.to).size());
+        set_bit(on_chain_.data(), q);
+        ++depth_;
     }
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 #include "compiler/visibility/directed.h"
 #include "compiler/visibility/proven.h"
+#include <deque>
 #include <functional>
 
 namespace kiln::vis {
@@ -99,8 +100,44 @@ struct FlowFound {
     Chains witnesses; // of each portal that was added the chain that led to it: valid as long as along it each `reach` holds all later ones
     Chains lines;     // those among them that a line was found through
 };
-// Adds the portals seen through p to `seen` (as many words as whole rows of `reach` have). What is marked there beforehand need not be searched for; whether it is changes
-// nothing of what is added. Not done: `seen` is unusable. `chain`: ends at the first that is added and says how it was reached.
-FlowEnd flow(const FlowInput& input, std::uint32_t p, std::uint64_t step_budget, std::uint64_t* seen, FlowFound& found, SightChain* chain = nullptr);
+// Some bits of a row, those of no bit left out.
+struct Bits {
+    std::uint32_t word = 0;
+    std::uint64_t bits = 0;
+};
+struct Frame {
+    std::uint32_t portal = 0;             // the one entered last
+    std::uint32_t next = 0, end = 0;      // which exits of its cluster come next
+    Row reach, passage;                   // what may be seen behind it, as far as sets tell that are known beforehand
+    Polygon source, pass;                 // the base portal's has no pass and no separators
+    Planes separators;                    // of (source, pass)
+    std::vector<Bits> wanted;             // what may be seen from here on, was not seen yet and lies behind no plane of the chain
+};
+
+// The flow through p. `seen` has as many words as whole rows of `reach`: portals seen through p are added. What is marked there beforehand
+// need not be searched for; whether it is changes nothing of what is added. It can be put down after so many steps and taken up
+// again, with a `seen` that has all that was in it then, and shared out.
+class Flow {
+public:
+    Flow(const FlowInput& input, std::uint32_t p, const std::uint64_t* seen);
+    // At most `steps` more (0: all). Not done: not all is in `seen`. `chain`: ends at the first that is added and says how it was reached.
+    FlowEnd go(std::uint64_t steps, std::uint64_t* seen, FlowFound& found, SightChain* chain = nullptr);
+    // An exit that it has not gone into yet, of the cluster that its chain has come to so many portals after p.
+    struct Branch {
+        std::uint32_t depth, exit;
+    };
+    std::vector<Branch> left() const; // the deepest first
+    // The same from here on, but for no other branches than these, some that come one after the other.
+    Flow part(std::span<const Branch> branches) const;
+
+private:
+    const FlowInput* in_ = nullptr;
+    std::uint32_t base_ = 0;
+    std::deque<Frame> frames_; // a deque: frames stay where they are while deeper ones come
+    std::size_t depth_ = 0;
+    std::vector<std::uint32_t> chain_;    // of portals, from p to the deepest frame's
+    std::vector<std::uint64_t> on_chain_; // the same, by bits
+    Flow() = default;
+};
 
 } // namespace kiln::vis

@@ -56,7 +56,7 @@ std::optional<SightChain> find_sight(std::span<const VisPortal> map_portals, std
         for (;;) {
             FlowFound found_here;
             SightChain chain;
-            if (flow(input, p, options.step_budget, seen.data(), found_here, &chain) == FlowEnd::stopped) context.check_cancelled();
+            if (Flow(input, p, seen.data()).go(options.step_budget, seen.data(), found_here, &chain) == FlowEnd::stopped) context.check_cancelled();
             if (chain.portals.empty()) break;
             if (offer(std::move(chain))) return found;
         }

@@ -5,7 +5,9 @@
 #include <atomic>
 #include <chrono>
 #include <ctime>
+#include <deque>
 #include <fmt/format.h>
+#include <mutex>
 #include <numeric>
 #include <utility>
 
@@ -26,7 +28,10 @@ namespace {
 using namespace vis;
 
 // A wave takes this share of what is finished: fewer waves leave threads less idle, smaller ones know more.
-constexpr std::size_t kFirstWave = 64, kWaveShare = 16;
+constexpr std::size_t kFirstWave = 128, kWaveShare = 16;
+// A flow is put down after this share of all steps so far, and goes on in so many parts: for 32 threads and more.
+constexpr std::uint64_t kLeastSteps = 256, kStepsShare = 512;
+constexpr std::size_t kParts = 64;
 constexpr std::size_t kMostPassages = std::size_t{1} << 30; // bytes
 
 double thread_seconds() { // CPU time of this thread
@@ -220,27 +225,119 @@ private:
         reach_.each_word(p, [&](std::size_t w, std::uint64_t bits) { each_bit(w, bits & ~seen[w], [&](std::uint32_t q) { strike(p, q); }); });
     }
 
-    // The flows of some ways, all from what is known before the first of them: whoever is quicker. False: stopped, and none of them counts.
+    // The flows of some ways, all from what is known before the first of them: whoever is quicker. A flow that goes on for long is put down
+    // and divided, so that no thread has to wait for one; its parts learn of each other when all of them are done or put
+    // down. How many threads there are plays no part in it. False: stopped, and none of the flows counts.
     struct Results {
         std::vector<std::uint64_t> rows; // what is seen; on the way in: what need not be searched for
         std::vector<FlowFound> found;
         std::vector<FlowEnd> ends;
     };
+    struct Begun {
+        Flow flow;
+        std::vector<Flow::Branch> left;
+    };
+    struct Part {
+        std::shared_ptr<const Begun> begun; // null: from its beginning
+        std::size_t first = 0, count = 0;   // of the branches left there
+        std::uint64_t steps = 0;            // at most
+        std::vector<std::uint64_t> seen{};
+        FlowFound found{};
+        std::shared_ptr<const Begun> put_down{}; // null: done
+        double seconds = 0;
+    };
+    struct Search {
+        std::vector<Part> parts;
+        std::atomic<std::size_t> running;
+        std::vector<std::vector<double>> rounds; // seconds
+    };
     bool flows(const FlowInput& input, std::span<const std::uint32_t> ways, std::uint64_t budget, Results& r) {
         r.found.assign(ways.size(), {});
-        r.ends.assign(ways.size(), FlowEnd::stopped);
-        std::vector<double> seconds(ways.size(), 0);
-        std::atomic<std::size_t> taken{0};
-        parallel_for(context_, ways.size(), [&](std::size_t) { // the longest first, by whoever is free: threads then end together
-            const std::size_t k = taken++, i = ways.size() - 1 - k;
-            const auto begin = thread_seconds();
-            r.ends[i] = flow(input, ways[i], budget, r.rows.data() + i * words_, r.found[i]);
-            seconds[k] = thread_seconds() - begin;
+        r.ends.assign(ways.size(), FlowEnd::done);
+        // A run that goes on from what another left has the same.
+        const std::uint64_t pace = std::max(kLeastSteps, state_.steps / kStepsShare), first = budget ? std::min(budget, pace) : pace;
+        std::vector<Search> searches(ways.size());
+        const auto row = [&](std::size_t way) { return std::span(r.rows).subspan(way * words_, words_); };
+        struct Task {
+            std::size_t way, part;
+        };
+        std::deque<Task> waiting; // the longest first, by whoever is free: threads then end together
+        for (std::size_t i = ways.size(); i-- > 0;) {
+            searches[i].parts.push_back({.begun = nullptr, .steps = first});
+            searches[i].running = 1;
+            waiting.push_back({i, 0});
+        }
+        std::mutex gate; // of `waiting`
+        std::atomic<bool> stopped{false};
+        parallel_tasks(context_, ways.size(), [&](const std::function<void(std::size_t)>& more) {
+            Task task{};
+            {
+                const std::lock_guard lock(gate);
+                task = waiting.front();
+                waiting.pop_front();
+            }
+            const auto [way, i] = task;
+            if (stopped || stop_()) {
+                stopped = true;
+                return;
+            }
+            if (!go_on(input, ways[way], row(way), searches[way].parts[i])) stopped = true;
+            if (--searches[way].running || stopped) return;
+            r.ends[way] = gather(row(way), searches[way], r.found[way], budget, pace);
+            const std::size_t parts = searches[way].parts.size();
+            searches[way].running = parts;
+            {
+                const std::lock_guard lock(gate);
+                for (std::size_t k = parts; k-- > 0;) waiting.push_front({way, k});
+            }
+            more(parts);
         });
-        if (std::ranges::find(r.ends, FlowEnd::stopped) != r.ends.end()) return context_.check_cancelled(), false;
-        if (run_.waves) run_.waves->push_back(std::move(seconds));
+        if (stopped) return context_.check_cancelled(), false;
+        if (run_.waves) {
+            VisibilityRun::WaveTimes& times = run_.waves->emplace_back();
+            for (std::size_t i = ways.size(); i-- > 0;) times.push_back(std::move(searches[i].rounds));
+        }
         learn(r.found);
         return true;
+    }
+    // False: stopped.
+    bool go_on(const FlowInput& input, std::uint32_t way, std::span<const std::uint64_t> row, Part& part) const {
+        const double begin = thread_seconds();
+        part.seen.assign(row.begin(), row.end());
+        Flow flow = part.begun ? part.begun->flow.part(std::span(part.begun->left).subspan(part.first, part.count)) : Flow(input, way, part.seen.data());
+        const FlowEnd end = flow.go(part.steps, part.seen.data(), part.found);
+        if (end == FlowEnd::over_budget) {
+            std::vector<Flow::Branch> left = flow.left();
+            if (!left.empty()) part.put_down = std::make_shared<Begun>(std::move(flow), std::move(left));
+        }
+        part.seconds = thread_seconds() - begin;
+        return end != FlowEnd::stopped;
+    }
+    // What the parts of a search have found, one after the other, and the parts that it goes on with.
+    FlowEnd gather(std::span<std::uint64_t> row, Search& search, FlowFound& found, std::uint64_t budget, std::uint64_t pace) const {
+        std::vector<double>& seconds = search.rounds.emplace_back();
+        std::size_t open = 0;
+        for (const Part& part : search.parts) {
+            seconds.push_back(part.seconds);
+            found.steps += part.found.steps;
+            for (std::size_t c = 0; c < part.found.lines.size(); ++c) found.lines.add(part.found.lines[c]), set_bit(row.data(), part.found.lines[c].back());
+            for (std::size_t c = 0; c < part.found.witnesses.size(); ++c) { // unless another part has come to it as well
+                const auto chain = part.found.witnesses[c];
+                if (!get_bit(row.data(), chain.back())) found.witnesses.add(chain), set_bit(row.data(), chain.back());
+            }
+            open += part.put_down != nullptr;
+        }
+        std::vector<Part> next;
+        const std::uint64_t left = budget > found.steps ? budget - found.steps : 0;
+        if (open && budget && !left) return search.parts.clear(), FlowEnd::over_budget;
+        for (const Part& part : search.parts) {
+            if (!part.put_down) continue;
+            const std::size_t branches = part.put_down->left.size(), count = std::min((kParts + open - 1) / open, branches);
+            for (std::size_t k = 0; k < count; ++k) next.push_back({.begun = part.put_down, .first = k * branches / count, .count = (k + 1) * branches / count - k * branches / count});
+        }
+        for (Part& part : next) part.steps = budget ? std::min(pace, std::max<std::uint64_t>(1, left / next.size())) : pace;
+        search.parts = std::move(next);
+        return FlowEnd::done;
     }
 
     bool wave(const FlowInput& input) {

@@ -63,7 +63,9 @@ struct VisibilityRun {
     double seconds = 0;                     // 0: no limit. What is not done then keeps its loose set
     VisibilityProgress* progress = nullptr; // taken up where begun; left as far as it came, also when cancelled
     bool* stopped = nullptr;                // set to whether time was up before the end
-    std::vector<std::vector<double>>* waves = nullptr; // CPU seconds of each way, wave by wave
+    // CPU seconds, wave by wave: of each way, in the order they are begun, round by round those of the parts it is divided into then.
+    using WaveTimes = std::vector<std::vector<std::vector<double>>>;
+    std::vector<WaveTimes>* waves = nullptr;
 };
 std::vector<VisPortal> vis_portals(const Bsp& bsp); // those between different clusters
 Result<Visibility> compute_visibility(std::span<const VisPortal> portals, std::uint32_t cluster_count,

@@ -4,9 +4,22 @@
 #include <tbb/blocked_range.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_for_each.h>
 #include <tbb/task_arena.h>
+#include <vector>
 
 namespace kiln {
+
+namespace {
+
+// The caller's number holds even where it exceeds the machine's: results must not depend on it, and tests try.
+template <class F> void on_threads(int threads, F&& body) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    tbb::task_arena arena(threads);
+    arena.execute(body);
+}
+
+} // namespace
 
 void parallel_for(Context& context, std::size_t count, const std::function<void(std::size_t)>& body) {
     context.check_cancelled();
@@ -17,11 +30,7 @@ void parallel_for(Context& context, std::size_t count, const std::function<void(
         }
         return;
     }
-    // The caller's number holds even where it exceeds the machine's: results must not depend on it, and tests try.
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                    static_cast<std::size_t>(context.threads));
-    tbb::task_arena arena(context.threads);
-    arena.execute([&] {
+    on_threads(context.threads, [&] {
         tbb::parallel_for(
             tbb::blocked_range<std::size_t>(0, count, 1),
             [&](const tbb::blocked_range<std::size_t>& range) {
@@ -47,6 +56,26 @@ void parallel_for(Context& context, const std::string& stage, std::size_t count,
             context.say(stage, static_cast<double>(now) / static_cast<double>(count));
             gate.unlock();
         }
+    });
+}
+
+void parallel_tasks(Context& context, std::size_t count, const std::function<void(const std::function<void(std::size_t)>& more)>& body) {
+    context.check_cancelled();
+    if (context.threads <= 1) {
+        for (; count; --count) {
+            context.check_cancelled();
+            body([&](std::size_t n) { count += n; });
+        }
+        return;
+    }
+    on_threads(context.threads, [&] {
+        std::vector<char> first(count);
+        tbb::parallel_for_each(first.begin(), first.end(), [&](char, tbb::feeder<char>& feeder) {
+            context.check_cancelled();
+            body([&](std::size_t n) {
+                for (std::size_t i = 0; i < n; ++i) feeder.add(0);
+            });
+        });
     });
 }
 

@@ -12,5 +12,8 @@ void parallel_for(Context& context, std::size_t count, const std::function<void(
 // The same with progress reported under `stage` as items finish.
 void parallel_for(Context& context, const std::string& stage, std::size_t count,
                   const std::function<void(std::size_t)>& body);
+// body(more) `count` times, and n times more for each more(n) that one of them calls: for work that begets work, which the bodies
+// take from where they will. In any order, some at once.
+void parallel_tasks(Context& context, std::size_t count, const std::function<void(const std::function<void(std::size_t)>& more)>& body);
 
 } // namespace kiln

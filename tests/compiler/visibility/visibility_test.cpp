@@ -236,7 +236,7 @@ TEST(Visibility, a_total_budget_is_reproducible) {
 // Cancelled and taken up again, as often as it takes: what comes out in the end is what one run gives.
 TEST(Visibility, goes_on_where_it_was_cancelled) {
     std::mt19937 random(12);
-    const GridMap map = grid_map(test::rooms(random, 3, 2), false, true);
+    const GridMap map = grid_map(test::rooms(random, 4, 3), false, true);
     const Visibility whole = compute(map);
     for (const std::uint64_t budget : {std::uint64_t{0}, whole.steps / 3}) {
         const VisibilityOptions options{.total_budget = budget};

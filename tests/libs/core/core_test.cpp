@@ -6,6 +6,7 @@
 #include "libs/parallel/parallel.h"
 #include <filesystem>
 #include <gtest/gtest.h>
+#include <mutex>
 
 using namespace kiln;
 
@@ -58,6 +59,31 @@ TEST(Parallel, EachItemRunsOnceOnAnyNumberOfThreads) {
         std::vector<int> hits(1000);
         parallel_for(context, hits.size(), [&](std::size_t i) { ++hits[i]; });
         EXPECT_EQ(hits, std::vector<int>(1000, 1));
+    }
+}
+
+// Each number begets the two that halve it.
+TEST(Parallel, WorkThatBegetsWorkIsAllDone) {
+    for (const int threads : {1, 2, 7}) {
+        Context context;
+        context.threads = threads;
+        std::mutex gate;
+        std::vector<int> waiting{1000, 500, 77};
+        std::atomic<int> ones{0};
+        parallel_tasks(context, waiting.size(), [&](const std::function<void(std::size_t)>& more) {
+            const std::unique_lock lock(gate);
+            const int n = waiting.back();
+            waiting.pop_back();
+            if (n == 1) return void(++ones);
+            waiting.insert(waiting.end(), {n / 2, n - n / 2});
+            more(2);
+        });
+        EXPECT_EQ(ones, 1577);
+        EXPECT_TRUE(waiting.empty());
+        EXPECT_THROW(parallel_tasks(context, 3, [](const auto&) { throw std::runtime_error("x"); }), std::runtime_error);
+        std::atomic<bool> stop{false};
+        context.stop = &stop;
+        EXPECT_THROW(parallel_tasks(context, 3, [&](const std::function<void(std::size_t)>& more) { stop = true, more(1); }), Cancelled);
     }
 }
 

@@ -8,10 +8,12 @@
 #include <cstdlib>
 #include <cstring>
 #include <bit>
+#include <deque>
 #include <filesystem>
 #include <functional>
 #include <queue>
 #include <thread>
+#include <tuple>
 
 using namespace kiln;
 
@@ -47,18 +49,34 @@ int prove(const std::string& path, std::uint64_t rays) {
 
 // ---- What the stage costs for what it leaves too much: flood, budgets of steps, the whole flow; CSV and SVG.
 
-// Seconds of the waves on so many threads: each takes the way that comes next, a wave ends with its last.
-double schedule(const std::vector<std::vector<double>>& waves, std::size_t threads) {
+// Seconds of the waves on so many threads: whoever is free takes what waits first, the parts of a way wait before all others once the
+// last of those before them has ended, and a wave ends with its last.
+double schedule(const std::vector<VisibilityRun::WaveTimes>& waves, std::size_t threads) {
+    struct Running {
+        double end;
+        std::size_t way, round;
+        bool operator>(const Running& o) const { return std::tie(end, way) > std::tie(o.end, o.way); }
+    };
     double total = 0;
-    for (const std::vector<double>& wave : waves) {
-        std::priority_queue<double, std::vector<double>, std::greater<>> free;
-        for (std::size_t t = 0; t < threads; ++t) free.push(0);
-        double last = 0;
-        for (const double seconds : wave) {
-            const double end = free.top() + seconds;
-            free.pop(), free.push(end), last = std::max(last, end);
+    for (const VisibilityRun::WaveTimes& wave : waves) {
+        std::deque<Running> waiting; // with how long they take
+        std::priority_queue<Running, std::vector<Running>, std::greater<>> running;
+        std::vector<std::size_t> open(wave.size());
+        for (std::size_t i = 0; i < wave.size(); ++i) {
+            open[i] = wave[i].front().size();
+            for (const double seconds : wave[i].front()) waiting.push_back({seconds, i, 0});
         }
-        total += last;
+        double now = 0;
+        while (!waiting.empty() || !running.empty()) {
+            for (; !waiting.empty() && running.size() < threads; waiting.pop_front()) running.push({now + waiting.front().end, waiting.front().way, waiting.front().round});
+            const Running done = running.top();
+            running.pop(), now = done.end;
+            if (--open[done.way] || done.round + 1 == wave[done.way].size()) continue;
+            const std::vector<double>& next = wave[done.way][done.round + 1];
+            open[done.way] = next.size();
+            for (auto seconds = next.rbegin(); seconds != next.rend(); ++seconds) waiting.push_front({*seconds, done.way, done.round + 1});
+        }
+        total += now;
     }
     return total;
 }
@@ -86,7 +104,7 @@ bool chart(const std::string& folder, std::uint64_t rays, const std::vector<std:
         fast.name = "flood", cut.name = "budget of steps", full.name = "whole flow";
         fast.join = full.join = bench::Join::none;
         const auto measure = [&](const VisibilityOptions& options, const char* mode, bench::Series& series) {
-            std::vector<std::vector<double>> waves;
+            std::vector<VisibilityRun::WaveTimes> waves;
             const double begin = cpu_seconds();
             const auto v = compute_visibility(portals, g.bsp.cluster_count, options, context, {.waves = &waves});
             const double cpu = cpu_seconds() - begin;
