@@ -243,12 +243,13 @@ Flow::Flow(const FlowInput& input, std::uint32_t p, const std::uint64_t* seen) :
 
 std::vector<Flow::Branch> Flow::left() const {
     std::vector<Branch> out;
-    for (std::size_t d = depth_ + 1; d-- > 0;) {
+    std::vector<std::uint64_t> on = on_chain_; // as it is when the flow has come back to that depth
+    for (std::size_t d = depth_ + 1; d-- > 0; clear_bit(on.data(), chain_[d])) {
         const Frame& f = frames_[d];
         const auto exits = in_->exits->of(in_->portals->ways[f.portal].to);
         for (std::uint32_t k = f.next; k < f.end; ++k) {
             const Row reach = in_->reach->row(exits[k]), passage = in_->passages->of(f.portal, k);
-            if (get_bit(on_chain_.data(), exits[k])) continue;
+            if (get_bit(on.data(), exits[k])) continue;
             if (has(f.wanted, exits[k]) || std::ranges::any_of(f.wanted, [&](const Bits& some) { return some.bits & reach.word(some.word) & (passage.data ? passage : reach).word(some.word); }))
                 out.push_back({static_cast<std::uint32_t>(d), k});
         }

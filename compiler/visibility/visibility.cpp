@@ -329,13 +329,13 @@ private:
         }
         std::vector<Part> next;
         const std::uint64_t left = budget > found.steps ? budget - found.steps : 0;
-        if (open && budget && !left) return search.parts.clear(), FlowEnd::over_budget;
+        if (open && budget && left < open) return search.parts.clear(), FlowEnd::over_budget;
         for (const Part& part : search.parts) {
             if (!part.put_down) continue;
-            const std::size_t branches = part.put_down->left.size(), count = std::min((kParts + open - 1) / open, branches);
+            const std::size_t branches = part.put_down->left.size(), count = std::min({(kParts + open - 1) / open, branches, budget ? static_cast<std::size_t>(left) / open : branches});
             for (std::size_t k = 0; k < count; ++k) next.push_back({.begun = part.put_down, .first = k * branches / count, .count = (k + 1) * branches / count - k * branches / count});
         }
-        for (Part& part : next) part.steps = budget ? std::min(pace, std::max<std::uint64_t>(1, left / next.size())) : pace;
+        for (Part& part : next) part.steps = budget ? std::min(pace, left / next.size()) : pace;
         search.parts = std::move(next);
         return FlowEnd::done;
     }
