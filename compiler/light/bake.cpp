@@ -26,9 +26,9 @@ Quality Quality::of(const LightOptions& options) {
     q.promotion = 0.001 * e;
     q.light_cutoff = 0.001 * e;
     q.direct_samples = e <= 1.5 ? 32 : e <= 2.5 ? 16 : e <= 6 ? 8 : e <= 12 ? 4 : 2;
-    q.row_rays = e <= 1 ? 1024 : e <= 2.5 ? 512 : 256; // they are the guides of the gather as well
+    q.row_rays = e <= 1 ? 1024 : e <= 2.5 ? 512 : e < 4 ? 256 : 128; // they are the guides of the gather as well
     q.iteration = std::min(1e-3, e * 1e-4);
-    q.first_rays = e >= 15 ? 16 : e > 2.5 ? 32 : 64;
+    q.first_rays = e >= 15 ? 8 : e >= 4 ? 16 : 32;
     return q;
 }
 
@@ -404,8 +404,11 @@ Lighting Bake::run() {
     // A first pass shows where the noise is; the noise share of the target says how many rays it is worth. What the
     // bundles met by surprise (a lamp seen through a slit) gets its own rays, there and next to it.
     noise_.assign(n, 0), noise_weight_.assign(n, 0);
+    gathered_.assign(luxels, {}), gathered_variance_.assign(luxels, {}), gathered_there_.assign(luxels, 0);
     std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
     luxel_direct(again);
+    find_beside();
+    smooth();
     double wanted = 0.6 * target;
     const auto gather = [&] {
         const std::vector<std::uint32_t> before = rays_;
@@ -419,28 +422,31 @@ Lighting Bake::run() {
             again = add_emitters(gather_patches(again, round < kRounds ? Pass::again : Pass::last));
             luxel_direct(again);
         }
+        smooth();
         return pilot(one_in);
     };
     PilotResult check = gather();
     // The estimate has the last word: noise comes in rare large strokes, which a first pass may miss.
     constexpr int kTopUps = 3;
-    for (int top_up = 0; top_up < kTopUps && std::hypot(check.gather, check.direct, check.bias) > target;
-         ++top_up) {
+    const double solution = solution_noise();
+    const auto other = [&] { return check.bias * check.bias + check.shortcut * check.shortcut + solution * solution; }; // than noise
+    for (int top_up = 0; top_up < kTopUps && check.noise * check.noise + other() > target * target; ++top_up) {
         if (check.direct > 1.3 * kDirectShare * target) {
             again = share_direct(check.direct, kDirectShare * target);
             luxel_direct(again);
             check.direct = kDirectShare * target;
         }
-        const double room = target * target - check.direct * check.direct - check.bias * check.bias;
+        const double room = target * target - check.direct * check.direct - other();
         if (room < 0.04 * target * target) break; // more rays would not help
         wanted *= std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
         check = gather();
     }
     if (memo_) memo_->lights.end(), memo_->direct.end(), memo_->gather.end(), memo_->pilot.end();
+    store_luxels();
     fill();
     match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
 
-    out_.error = error_report(check, solution_noise());
+    out_.error = error_report(check, solution);
 
     out_.radiosity.resize(n);
     for (std::size_t p = 0; p < n; ++p)

@@ -6,6 +6,7 @@
 #include "compiler/light/patches.h"
 #include "libs/sampling/maps.h"
 #include <atomic>
+#include <functional>
 #include <span>
 
 namespace kiln {
@@ -130,6 +131,7 @@ struct RowsMemo { // of one table of patches: Bake::hits_ and what belongs to it
 
 PaneRays joined(std::vector<PaneRays>& parts);
 
+constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 constexpr std::uint32_t kReplicates = 4;
 struct PilotLuxel { // see estimate.cpp
     static constexpr bool kRawBytes = true;
@@ -223,6 +225,11 @@ private:
     double luxel_area_of(std::uint32_t patch) const; // map units squared
     std::vector<double> least_cost(const std::vector<double>& variance, double wanted) const;
     void share_rays(double wanted);
+    // smooth.cpp
+    void find_beside();
+    void smooth();
+    void each_gathered(const std::function<void(std::uint32_t)>& body);
+    void store_luxels();
     static constexpr int kNearBounces = 4; // of reflected_at
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
     Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const;
@@ -289,6 +296,11 @@ private:
     ReflectedLight reflected_;
     std::vector<double> bright_;               // per patch: luminance of what it reflects
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
+    std::vector<KernelSum> gathered_, smoothed_;                  // per luxel: what its rays gathered; with what its neighbours tell
+    std::vector<std::array<double, 4>> gathered_variance_;        // of what is shown, by these rays
+    std::vector<std::uint8_t> gathered_there_;                    // 0: nothing is known there
+    std::vector<std::uint8_t> beside_;                            // per luxel: bits of those at x + 1, x - 1, y + 1, y - 1 that go on from it
+    std::vector<float> left_;                                     // per luxel: share of the variance that neighbours leave
     std::vector<std::uint32_t> rays_;          // per patch: gathered rays of its luxels
     std::vector<double> noise_, noise_weight_; // per patch: relative variance of a single ray, as passes showed it
     // With a memo: that of the patches as they are, what every key begins with, and what a place's light is a function of.

@@ -164,14 +164,25 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
         mean_value = mean_value / area;
         double noise = 0, fourth = 0, bias = 0, shortcut = 0, direct = 0;
         squares.clear(), weights.clear();
-        for (const PilotLuxel& r : results) {
+        for (std::size_t i = 0; i < results.size(); ++i) {
+            const PilotLuxel& r = results[i];
             if (k >= r.shown) continue;
+            const std::uint32_t l = chosen[i];
+            const bool baked = !rough && gathered_there_[l];
+            Rgbd apart;
+            if (baked) {
+                KernelSum sum = direct_[l];
+                sum += smoothed_[l];
+                apart = kernel_of(l).shown(sum)[k];
+                for (const auto& v : r.value) apart -= v[k] / static_cast<double>(kReplicates);
+            }
             double variance = 0, shift = 0, short_by = 0;
             for (std::size_t c = 0; c < 3; ++c) {
                 const double scale = std::max(r.mean_value[k][c], options_.error_floor * mean_value[c]);
                 if (!(scale > 0)) continue;
                 const double per = 1 / (3 * scale * scale);
-                variance += per * spread(r.value, k, c);
+                // What the bake itself is off by, without the noise of what it is held against.
+                variance += per * (baked ? apart[c] * apart[c] - spread(r.value, k, c) / kReplicates : spread(r.value, k, c));
                 direct += per * r.area * spread(r.direct, k, c);
                 shift += per * shift_of(r.to_coarse, k, c) / (kOrderTwo * kOrderTwo);
                 short_by += per * shift_of(r.to_close, k, c);
@@ -180,11 +191,11 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
             bias += shift * r.area, shortcut += short_by * r.area;
             squares.push_back(variance + shift + short_by), weights.push_back(r.area);
         }
-        noise /= area, bias = std::max(0.0, bias / area), shortcut = std::max(0.0, shortcut / area), direct /= area, fourth /= area;
+        noise = std::max(0.0, noise / area), bias = std::max(0.0, bias / area), shortcut = std::max(0.0, shortcut / area), direct /= area, fourth /= area;
         const double square = noise + bias + shortcut;
         // The bake draws its own errors once: the mean of their squares is off by sqrt(2 / N) if they are normal. A variance of
         // four has on the average (1 + 2 / 3) times the square of the true one.
-        const double drawn = 2 * (fourth / (1 + 2.0 / (kReplicates - 1))) / static_cast<double>(std::max<std::size_t>(all, 1));
+        const double drawn = !rough ? 0 : 2 * (fourth / (1 + 2.0 / (kReplicates - 1))) / static_cast<double>(std::max<std::size_t>(all, 1));
         const Bounds b = bounds_of_mean(squares, weights, static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)), drawn);
         out.above = std::max(out.above, square + b.above + (kOrderTwo * kOrderTwo / (kOrderOneAndAHalf * kOrderOneAndAHalf) - 1) * bias); // absolute until the worst is known
         if (square <= worst) continue;

@@ -16,7 +16,6 @@ struct PatchGather { // what a memo keeps of the luxels of a patch
     template <class A> void fields(A& a) { a(luxels, met); }
 };
 constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to the minus this
-constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 } // namespace
 
 Vec2 HemisphereMap::from_cosine(Vec2 square) const {
@@ -241,6 +240,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     Rgbd cross_sum;
     double unit_square = 0;
     std::array<KernelSum, 4> quarter{};
+    std::array<std::array<double, 4>, 4> unit_quarter{};
     const auto seen = [&](std::uint32_t i, Random& random, const ReflectedLight& light, Rgbd behind) {
         if (!scene_.has_panes()) return behind;
         const Widths widths{.start = std::sqrt(footprint.area() / rays), .end = std::sqrt(weights[i] / rays), .start_normal = normal};
@@ -271,33 +271,38 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         }
         const double w = weights[i];
         kernel.add(quarter[i * 4 / rays], k, radiance * w);
-        for (std::size_t j = 0; j < 4; ++j) unit[j] += w * k[j];
+        for (std::size_t j = 0; j < 4; ++j) unit_quarter[i * 4 / rays][j] += w * k[j];
         unit_square += w * k[0] * w * k[0];
         cross_sum += radiance * (w * k[0] * w * k[0]);
     }
     const double n = rays;
-    for (const KernelSum& q : quarter) out.sum += q;
+    for (std::size_t q = 0; q < 4; ++q) {
+        out.sum += quarter[q], quarter[q] *= 4 / n;
+        for (std::size_t j = 0; j < 4; ++j) unit[j] += unit_quarter[q][j] / n, unit_quarter[q][j] *= 4 / n;
+    }
     out.sum *= 1 / n;
-    for (double& u : unit) u /= n;
     // Control variate: E = mean(L w) - beta (mean(w) - pi), beta by regression. Where all radiance is alike the
     // result is exact; where the guide has done its work beta is near zero by itself.
     const double spread = unit_square / n - unit[0] * unit[0];
-    if (spread > 1e-9 && !footprint.bent() && dot(kernel.frame.n, normal) > 1 - 1e-9) {
+    if (const double lean = dot(kernel.frame.n, normal); spread > 1e-9 && lean > 0) {
         const Rgbd beta = (cross_sum / n - out.sum.flat * unit[0]) / spread;
         const std::array<double, 4> exact = kernel.integrals();
-        out.sum.flat -= beta * (unit[0] - exact[0]);
-        if (kernel.cone)
-            for (std::size_t j = 0; j < 3; ++j) out.sum.rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
-        for (Other& o : others) {
-            o.sum.flat -= beta * (unit[0] - exact[0]);
-            if (kernel.cone)
-                for (std::size_t j = 0; j < 3; ++j) o.sum.rnm[j] -= beta * (unit[j + 1] - exact[j + 1]);
-        }
+        // Of the shading normal's hemisphere the face hides a part; that of directional kernels then has no closed form: they take their share of the
+        // flat one's.
+        const bool level = lean > 1 - 1e-9 && !footprint.bent();
+        const double flat = level ? exact[0] : chart.curved() ? kPi : kPi * (1 + lean) / 2;
+        const auto correct = [&](KernelSum& sum, const std::array<double, 4>& of) {
+            sum.flat -= beta * (of[0] - flat);
+            if (!kernel.cone) return;
+            for (std::size_t j = 0; j < 3; ++j) sum.rnm[j] -= beta * (level ? of[j + 1] - exact[j + 1] : (of[0] - flat) * exact[j + 1] / exact[0]);
+        };
+        correct(out.sum, unit);
+        for (Other& o : others) correct(o.sum, unit);
+        for (std::size_t q = 0; q < 4; ++q) correct(quarter[q], unit_quarter[q]);
         for (std::size_t c = 0; c < 3; ++c) out.sum.flat[c] = std::max(0.0, out.sum.flat[c]);
     }
     std::array<double, 4> m{}, square{};
-    for (KernelSum& q : quarter) {
-        q *= 4 / n;
+    for (const KernelSum& q : quarter) {
         const std::array<Rgbd, 4> shown = kernel.shown(q);
         for (std::size_t j = 0; j < kernel.shown_count(); ++j) {
             const double v = mean(shown[j]);
@@ -340,7 +345,13 @@ double Bake::luxel_area_of(std::uint32_t p) const {
 
 // Never fewer than before.
 void Bake::share_rays(double wanted) {
-    const std::vector<double> n = least_cost(noise_, wanted);
+    std::vector<double> left = noise_;
+    for (std::size_t p = 0; p < left.size(); ++p) {
+        double sum = 0;
+        for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) sum += static_cast<double>(left_[patch_luxels_[k]]);
+        if (sum > 0) left[p] *= sum / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+    }
+    const std::vector<double> n = least_cost(left, wanted);
     for (std::size_t p = 0; p < n.size(); ++p)
         while (rays_[p] < quality_.most_rays && rays_[p] * 1.41 < n[p]) rays_[p] *= 2;
 }
@@ -381,31 +392,25 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
             double variance = 0;
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
-                const Luxel& luxel = surfaces_.luxels[l];
-                const Chart& chart = surfaces_.charts[luxel.chart.at()];
                 const LuxelGather& g = gathered.luxels[k - patch_luxel_first_[p]];
-                const std::size_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
                 // Inside something that the exact geometry does not know to be solid (a brush model in a wall):
                 // filled from the neighbours.
-                if (2 * (g.hits.back + (sealed_ ? g.hits.escaped : 0)) > g.hits.rays) continue;
+                gathered_there_[l] = g.hits.rays > 0 && 2 * (g.hits.back + (sealed_ ? g.hits.escaped : 0)) <= g.hits.rays;
+                if (!gathered_there_[l]) continue;
                 counts[chunk] += g.hits;
-                const LuxelKernel kernel = kernel_of(l);
+                gathered_[l] = g.sum;
                 KernelSum sum = direct_[l];
                 sum += g.sum;
-                out_.flat[texel] = static_cast<Rgb>(sum.flat);
-                out_.valid[texel] = 1;
                 // The worst of the normals that the light is shown along.
+                const LuxelKernel kernel = kernel_of(l);
                 const std::array<Rgbd, 4> shown = kernel.shown(sum);
-                double relative = 0, error = 0;
+                double relative = 0;
                 for (std::size_t j = 0; j < kernel.shown_count(); ++j) {
-                    const double e = mean(shown[j]), scale = std::max(e, floor_);
+                    const double scale = std::max(mean(shown[j]), floor_);
                     if (scale > 0) relative = std::max(relative, g.variance[j] / (scale * scale));
-                    if (e > 0) error = std::max(error, std::sqrt(g.variance[j]) / e);
+                    gathered_variance_[l][j] = g.variance[j] / (kQuarterSpread * kQuarterSpread);
                 }
                 variance += relative / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
-                out_.texel_error[texel] = static_cast<float>(error);
-                if (cones_[luxel.chart.at()])
-                    out_.rnm[out_.rnm_first[luxel.chart.at()] + (texel - chart.first_texel)] = kernel.finish(sum);
             }
             variance *= std::pow(rays_[p], 2 * kNoiseRate) / (kQuarterSpread * kQuarterSpread);
             noise_[p] = (noise_[p] * noise_weight_[p] + variance * rays_[p]) / (noise_weight_[p] + rays_[p]);

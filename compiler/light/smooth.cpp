@@ -1,0 +1,207 @@
+// What neighbouring luxels tell of each other's gathered light.
+//
+// In       of each luxel what its rays gathered, and how noisy that is
+// Out      the same drawn towards the plane through its neighbours, as far as these lie on one but for their noise
+// Source   C. Stein, "Inadmissibility of the usual estimator for the mean of a multivariate normal distribution", 1956; B. Efron and C. Morris,
+//          "Limiting the risk of Bayes and empirical Bayes estimators", J. American Statistical Association 67 (1972): NOTES.md
+#include "compiler/light/bake.h"
+#include "libs/parallel/parallel.h"
+
+namespace kiln {
+namespace {
+
+constexpr int kReach = 3; // luxels; windows of 3, 5 and 7 are tried
+constexpr int kSide = 2 * kReach + 1;
+constexpr double kFarthest = 3; // standard deviations of the noise that a luxel is moved at most
+constexpr std::array<std::array<int, 2>, 4> kSteps{{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
+constexpr std::size_t cell(int dx, int dy) {
+    return static_cast<std::size_t>((dy + kReach) * kSide + dx + kReach);
+}
+double falls_off(int dx, int dy, int reach) { // the weight of a luxel in a window
+    if (std::max(std::abs(dx), std::abs(dy)) > reach) return 0;
+    return std::max(0.0, 1 - (dx * dx + dy * dy) / ((reach + 1.0) * (reach + 1.0)));
+}
+
+// A plane over a window, fitted by weighted least squares: sums of weights times (1, x, y) times themselves, and times values.
+struct Fit {
+    std::array<double, 6> m{}, m2{}, noisy{}; // 1, x, y, xx, xy, yy: by weights, by their squares, by these times the noise
+    std::array<std::array<double, 3>, 4> b{};
+    double square = 0, noise = 0;
+    void add(double k, double x, double y, const std::array<double, 4>& v, double variance) {
+        const std::array<double, 6> p{1, x, y, x * x, x * y, y * y};
+        for (std::size_t i = 0; i < 6; ++i) m[i] += k * p[i], m2[i] += k * k * p[i], noisy[i] += k * k * variance * p[i];
+        for (std::size_t j = 0; j < 4; ++j) b[j][0] += k * v[j], b[j][1] += k * v[j] * x, b[j][2] += k * v[j] * y, square += k * v[j] * v[j];
+        noise += k * variance;
+    }
+};
+double form(const std::array<double, 6>& m, const std::array<double, 3>& a, const std::array<double, 3>& b) { // a' M b
+    return a[0] * (m[0] * b[0] + m[1] * b[1] + m[2] * b[2]) + a[1] * (m[1] * b[0] + m[3] * b[1] + m[4] * b[2]) + a[2] * (m[2] * b[0] + m[4] * b[1] + m[5] * b[2]);
+}
+// False: all in a row.
+bool inverse(const std::array<double, 6>& m, std::array<double, 6>& out) {
+    const double c00 = m[3] * m[5] - m[4] * m[4], c01 = m[2] * m[4] - m[1] * m[5], c02 = m[1] * m[4] - m[2] * m[3];
+    const double det = m[0] * c00 + m[1] * c01 + m[2] * c02;
+    if (!(det > 1e-9 * m[0] * m[3] * m[5])) return false;
+    out = {c00 / det, c01 / det, c02 / det, (m[0] * m[5] - m[2] * m[2]) / det, (m[1] * m[2] - m[0] * m[4]) / det, (m[0] * m[3] - m[1] * m[1]) / det};
+    return true;
+}
+
+} // namespace
+
+// Which of the four luxels beside each go on from it: some piece of theirs shares an edge with one of its own.
+void Bake::find_beside() {
+    beside_.assign(surfaces_.luxels.size(), 0);
+    std::vector<std::uint32_t> luxel_of(surfaces_.pieces.size(), UINT32_MAX);
+    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
+        for (std::uint32_t k = surfaces_.luxels[l].first_piece; k < surfaces_.luxels[l].first_piece + surfaces_.luxels[l].piece_count; ++k)
+            if (patches_.piece_patch[k] == luxel_patch_[l]) luxel_of[k] = l; // only its larger side is lit
+    for (const auto& [a, b] : edges_) {
+        const std::uint32_t p = luxel_of[a], q = luxel_of[b];
+        if (p == UINT32_MAX || q == UINT32_MAX || surfaces_.luxels[p].chart != surfaces_.luxels[q].chart) continue;
+        const Luxel &one = surfaces_.luxels[p], &other = surfaces_.luxels[q];
+        for (std::size_t s = 0; s < kSteps.size(); ++s)
+            if (other.x == one.x + kSteps[s][0] && other.y == one.y + kSteps[s][1]) beside_[p] |= static_cast<std::uint8_t>(1u << s), beside_[q] |= static_cast<std::uint8_t>(1u << (s ^ 1));
+    }
+}
+
+void Bake::each_gathered(const std::function<void(std::uint32_t)>& body) {
+    constexpr std::size_t kPart = 256;
+    const std::size_t luxels = surfaces_.luxels.size();
+    parallel_for(context_, (luxels + kPart - 1) / kPart, [&](std::size_t part) {
+        for (std::size_t l = part * kPart; l < std::min(luxels, (part + 1) * kPart); ++l)
+            if (gathered_there_[l]) body(static_cast<std::uint32_t>(l));
+    });
+}
+
+// What is handed on of each luxel.
+void Bake::store_luxels() {
+    each_gathered([&](std::uint32_t l) {
+        const Luxel& luxel = surfaces_.luxels[l];
+        const Chart& chart = surfaces_.charts[luxel.chart.at()];
+        const std::uint32_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
+        const LuxelKernel kernel = kernel_of(l);
+        KernelSum sum = direct_[l];
+        sum += smoothed_[l];
+        out_.flat[texel] = static_cast<Rgb>(sum.flat);
+        out_.valid[texel] = 1;
+        const std::array<Rgbd, 4> shown = kernel.shown(sum);
+        double error = 0;
+        for (std::size_t j = 0; j < kernel.shown_count(); ++j)
+            if (const double e = mean(shown[j]); e > 0) error = std::max(error, kQuarterSpread * std::sqrt(gathered_variance_[l][j] * static_cast<double>(left_[l])) / e); // at most
+        out_.texel_error[texel] = static_cast<float>(error);
+        if (kernel.cone) out_.rnm[out_.rnm_first[luxel.chart.at()] + (texel - chart.first_texel)] = kernel.finish(sum);
+    });
+}
+
+void Bake::smooth() {
+    const std::size_t luxels = surfaces_.luxels.size();
+    const auto texel_of = [&](std::uint32_t l) {
+        const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
+        return chart.first_texel + surfaces_.luxels[l].y * chart.width + surfaces_.luxels[l].x;
+    };
+    smoothed_ = gathered_;
+    left_.assign(luxels, 1);
+    std::vector<std::uint32_t> at_texel(surfaces_.texel_count, UINT32_MAX);
+    // What was left to the rays of a patch: light of an emitter with rays of its own is not in what they gathered.
+    std::vector<std::uint64_t> left_to_rays;
+    for (const std::vector<LightRef>& list : lists_) {
+        std::uint64_t hash = 0;
+        for (const LightRef& ref : list)
+            if (ref.is_emitter) hash = mix(hash, ref.light + 1);
+        left_to_rays.push_back(hash);
+    }
+    // Luminance of what is shown; its variance, summed over the normals, as its own rays tell it, and as those of the luxels around tell it: by its own alone a luxel
+    // that has met a bright spot would be moved far down, one that has missed it not at all up.
+    std::vector<std::array<double, 4>> shown(luxels);
+    std::vector<double> own_variance(luxels), variance(luxels);
+    each_gathered([&](std::uint32_t l) {
+        at_texel[texel_of(l)] = l;
+        const LuxelKernel kernel = kernel_of(l);
+        const std::array<Rgbd, 4> all = kernel.shown(gathered_[l]);
+        for (std::size_t j = 0; j < kernel.shown_count(); ++j) shown[l][j] = mean(all[j]), own_variance[l] += gathered_variance_[l][j];
+    });
+    // The luxel that many luxels away; none where that is not there or is left other light.
+    const auto near = [&](std::uint32_t l, int dx, int dy) {
+        const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
+        const int x = surfaces_.luxels[l].x + dx, y = surfaces_.luxels[l].y + dy;
+        if (x < 0 || y < 0 || x >= static_cast<int>(chart.width) || y >= static_cast<int>(chart.height)) return UINT32_MAX;
+        const std::uint32_t q = at_texel[chart.first_texel + static_cast<std::uint32_t>(y) * chart.width + static_cast<std::uint32_t>(x)];
+        return q == UINT32_MAX || left_to_rays[luxel_patch_[q]] != left_to_rays[luxel_patch_[l]] ? UINT32_MAX : q;
+    };
+    each_gathered([&](std::uint32_t l) {
+        double sum = 0, count = 0;
+        for (int dy = -1; dy <= 1; ++dy)
+            for (int dx = -1; dx <= 1; ++dx)
+                if (const std::uint32_t q = near(l, dx, dy); q != UINT32_MAX && luxel_patch_[q] == luxel_patch_[l]) sum += own_variance[q], ++count;
+        variance[l] = sum / count;
+    });
+    each_gathered([&](std::uint32_t l) {
+        // Where no ray met anything, light is none, not little.
+        const bool dark = !(shown[l][0] > 0 || shown[l][1] > 0 || shown[l][2] > 0 || shown[l][3] > 0);
+        if (dark || !(variance[l] > 0)) return;
+        // Its window: what is come to from luxel to luxel, not through walls.
+        std::array<std::uint32_t, kSide * kSide> window;
+        window.fill(UINT32_MAX);
+        window[cell(0, 0)] = l;
+        std::array<std::array<int, 2>, kSide * kSide> todo{};
+        std::size_t known = 1;
+        for (std::size_t i = 0; i < known; ++i)
+            for (std::size_t s = 0; s < kSteps.size(); ++s) {
+                const int dx = todo[i][0] + kSteps[s][0], dy = todo[i][1] + kSteps[s][1];
+                if (std::max(std::abs(dx), std::abs(dy)) > kReach || window[cell(dx, dy)] != UINT32_MAX || !(beside_[window[cell(todo[i][0], todo[i][1])]] >> s & 1)) continue;
+                const std::uint32_t q = near(l, dx, dy);
+                if (q != UINT32_MAX) window[cell(dx, dy)] = q, todo[known++] = {dx, dy};
+            }
+        std::array<Fit, kReach> fits{};
+        for (std::size_t i = 0; i < known; ++i) {
+            const auto [dx, dy] = todo[i];
+            const std::uint32_t q = window[cell(dx, dy)];
+            std::array<double, 4> v{}; // less its own: what they have in common costs digits
+            for (std::size_t j = 0; j < 4; ++j) v[j] = shown[q][j] - shown[l][j];
+            for (int r = 1; r <= kReach; ++r)
+                if (const double k = falls_off(dx, dy, r); k > 0) fits[static_cast<std::size_t>(r - 1)].add(k, dx, dy, v, variance[q]);
+        }
+        // Of the windows that which leaves least of the error; how far towards its plane.
+        double best = variance[l], share = 0;
+        std::array<double, 3> row{}; // of the inverse: what weighted places add to the plane at the luxel
+        int reach = 0;
+        for (int r = 1; r <= kReach; ++r) {
+            const Fit& f = fits[static_cast<std::size_t>(r - 1)];
+            std::array<double, 6> i{};
+            if (!inverse(f.m, i)) continue;
+            const double free = f.m[0] - (i[0] * f.m2[0] + i[3] * f.m2[3] + i[5] * f.m2[5] + 2 * (i[1] * f.m2[1] + i[2] * f.m2[2] + i[4] * f.m2[4]));
+            const double own = i[0]; // share of the luxel's own value in the plane
+            if (!(free > 0.5) || !(own < 0.99)) continue;
+            double residuals = f.square;
+            for (const auto& b : f.b) residuals -= form(i, b, b);
+            const double structure = std::max(0.0, residuals / free - f.noise / f.m[0]); // what of them is no noise
+            const std::array<double, 3> to{i[0], i[1], i[2]};
+            const double n = variance[l], of_plane = form(f.noisy, to, to);
+            const double u = std::clamp(n * (1 - own) / (n * (1 - 2 * own) + of_plane + structure), 0.0, 1.0);
+            const double risk = n * ((1 - u) * (1 - u) + 2 * u * (1 - u) * own) + u * u * (of_plane + structure);
+            if (!(risk < best)) continue;
+            best = risk, share = u, reach = r, row = to;
+        }
+        if (!reach) return;
+        KernelSum plane;
+        std::array<double, 4> moved{};
+        for (std::size_t i = 0; i < known; ++i) {
+            const auto [dx, dy] = todo[i];
+            const double a = falls_off(dx, dy, reach) * (row[0] + row[1] * dx + row[2] * dy);
+            if (a == 0) continue;
+            const std::uint32_t q = window[cell(dx, dy)];
+            KernelSum part = gathered_[q];
+            plane += part *= a;
+            for (std::size_t j = 0; j < 4; ++j) moved[j] += a * (shown[q][j] - shown[l][j]);
+        }
+        if (!(plane.flat[0] >= 0 && plane.flat[1] >= 0 && plane.flat[2] >= 0)) return;
+        double far = 0;
+        for (const double by : moved) far += by * by;
+        if (const double most = kFarthest * std::sqrt(variance[l]), way = share * std::sqrt(far); way > most) share *= most / way;
+        smoothed_[l] *= 1 - share;
+        smoothed_[l] += plane *= share;
+        left_[l] = static_cast<float>(best / variance[l]);
+    });
+}
+
+} // namespace kiln
