@@ -25,7 +25,7 @@ constexpr double kUpperOfThree = 3 / 0.3518;
 struct Bounds {
     double above = 0, below = 0;
 };
-Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled, double more_variance) {
+Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled) {
     const auto n = static_cast<double>(value.size());
     if (n < 2) return {};
     double all = 0, mean = 0, square = 0, cube = 0;
@@ -38,7 +38,7 @@ Bounds bounds_of_mean(std::span<const double> value, std::span<const double> wei
     square /= n - 1, cube /= n;
     if (!(square > 0)) return {};
     const double skew = cube / (square * std::sqrt(square)), root = std::sqrt(n);
-    const double se = std::sqrt(square / n * std::max(0.0, 1 - sampled) + more_variance);
+    const double se = std::sqrt(square / n * std::max(0.0, 1 - sampled));
     const double shift = skew * (2 * kOneSided * kOneSided + 1) / (6 * root);
     return {se * std::max(0.0, kOneSided + shift), se * std::max(0.0, kOneSided - shift)};
 }
@@ -162,7 +162,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
             if (k < r.shown) mean_value += r.mean_value[k] * r.area, area += r.area;
         if (!(area > 0)) continue;
         mean_value = mean_value / area;
-        double noise = 0, fourth = 0, bias = 0, shortcut = 0, direct = 0;
+        double noise = 0, bias = 0, shortcut = 0, direct = 0;
         squares.clear(), weights.clear();
         for (std::size_t i = 0; i < results.size(); ++i) {
             const PilotLuxel& r = results[i];
@@ -187,16 +187,13 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
                 shift += per * shift_of(r.to_coarse, k, c) / (kOrderTwo * kOrderTwo);
                 short_by += per * shift_of(r.to_close, k, c);
             }
-            noise += variance * r.area, fourth += variance * variance * r.area;
+            noise += variance * r.area;
             bias += shift * r.area, shortcut += short_by * r.area;
             squares.push_back(variance + shift + short_by), weights.push_back(r.area);
         }
-        noise = std::max(0.0, noise / area), bias = std::max(0.0, bias / area), shortcut = std::max(0.0, shortcut / area), direct /= area, fourth /= area;
+        noise = std::max(0.0, noise / area), bias = std::max(0.0, bias / area), shortcut = std::max(0.0, shortcut / area), direct /= area;
         const double square = noise + bias + shortcut;
-        // The bake draws its own errors once: the mean of their squares is off by sqrt(2 / N) if they are normal. A variance of
-        // four has on the average (1 + 2 / 3) times the square of the true one.
-        const double drawn = !rough ? 0 : 2 * (fourth / (1 + 2.0 / (kReplicates - 1))) / static_cast<double>(std::max<std::size_t>(all, 1));
-        const Bounds b = bounds_of_mean(squares, weights, static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)), drawn);
+        const Bounds b = bounds_of_mean(squares, weights, static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)));
         out.above = std::max(out.above, square + b.above + (kOrderTwo * kOrderTwo / (kOrderOneAndAHalf * kOrderOneAndAHalf) - 1) * bias); // absolute until the worst is known
         if (square <= worst) continue;
         worst = square;
