@@ -17,6 +17,7 @@ constexpr double kPatchShare = 0.6;                        // of the target, for
 constexpr double kDirectShare = 0.35;                      // for the noise of direct light
 constexpr double kSteep = 5;                               // targets by which direct light of luxels side by side may differ
 constexpr double kRestStep = 0.125;                        // of the target: to what share of itself indirect light is rounded
+constexpr double kFarPatches = 3;                          // sizes of a patch from which on light close by is not followed further
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
 Quality Quality::of(const LightOptions& options) {
@@ -190,6 +191,38 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
     return out;
 }
 
+bool Bake::is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const {
+    if (!is_patch(code)) return code < kHitPanes; // an emitter
+    return length(light.place[code] - light.place[patch]) > light.far_from;
+}
+
+// `parent`: of each patch, in `table`.
+void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const {
+    const std::size_t n = patches_.patches.size();
+    const std::uint32_t m = quality_.row_rays;
+    light->far_from = kFarPatches * size;
+    light->place.resize(n);
+    for (std::size_t p = 0; p < n; ++p) light->place[p] = table.patches[parent[p]].centroid;
+    std::vector<Rgbd> sum(table.patches.size());
+    std::vector<double> weight(table.patches.size());
+    for (std::uint32_t p = 0; p < n; ++p) {
+        Rgbd met;
+        std::uint32_t count = 0;
+        for (std::uint64_t i = std::uint64_t{p} * m; i < std::uint64_t{p + 1} * m; ++i) {
+            if (!is_far(*light, p, hits_[i])) continue;
+            ++count;
+            if (is_patch(hits_[i])) met += static_cast<Rgbd>(light->patch[hits_[i]]);
+            const std::uint32_t emitter = emitter_of(hits_[i]);
+            if (emitter != UINT32_MAX && !listed(p, emitter)) met += emitters_.emitters[emitter].radiance;
+        }
+        sum[parent[p]] += met * patches_.patches[p].area, weight[parent[p]] += count * patches_.patches[p].area;
+    }
+    for (std::size_t c = 0; c < sum.size(); ++c) sum[c] = weight[c] > 0 ? sum[c] / weight[c] : Rgbd{-1, -1, -1};
+    quantise(&sum, table);
+    light->far.resize(n);
+    for (std::size_t p = 0; p < n; ++p) light->far[p] = static_cast<Rgb>(sum[parent[p]]);
+}
+
 // The same on patches of twice the size, rows and solution included, from the rays that have been traced.
 ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& direct,
                                   const std::vector<Rgbd>& first) {
@@ -242,7 +275,9 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
     std::vector<std::uint32_t> luxel_parent(luxel_patch_);
     for (std::uint32_t& p : luxel_parent)
         if (p != kNoPatch) p = parent[p];
-    return reflected_light(values_at_luxels(surfaces_, edges_, coarse, luxel_parent, coarse_rest), total);
+    ReflectedLight out = reflected_light(values_at_luxels(surfaces_, edges_, coarse, luxel_parent, coarse_rest), total);
+    far_light(parent, coarse, 2 * quality_.patch_size, &out);
+    return out;
 }
 
 void Bake::find_neighbours() {
@@ -337,6 +372,9 @@ std::vector<Rgbd> Bake::solve_patches() {
     quantise(&rest_, patches_);
     for (std::size_t p = 0; p < n; ++p) total[p] = direct[p] + rest_[p];
     reflected_ = reflected_light(values_at_luxels(surfaces_, edges_, patches_, luxel_patch_, rest_), total);
+    std::vector<std::uint32_t> self(n);
+    std::iota(self.begin(), self.end(), 0u);
+    far_light(self, patches_, quality_.patch_size, &reflected_);
     bright_.clear();
     for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
     coarse_ = coarse_light(rows_, direct, first);

@@ -24,6 +24,10 @@ struct ReflectedLight {
     std::vector<Rgb> texel, patch;
     std::vector<Rgb> direct;         // the part of `texel` that explicit direct light makes
     std::vector<std::uint8_t> steep; // per texel: that part changes much towards the texels beside it
+    // Per patch: what its row met at patches far off and at emitters that have no rays of their own there, the mean of those rays; below 0: none did.
+    std::vector<Rgb> far;
+    std::vector<Vec3> place; // per patch: what is far is told by distances between these,
+    double far_from = 0;     // from here on
 };
 
 // A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
@@ -255,6 +259,8 @@ private:
     std::uint64_t seed_at(Vec3 point, std::uint64_t pass) const;
     Vec3 luxel_centroid(const Luxel& luxel) const;
     ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const;
+    bool is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const;
+    void far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const;
     ReflectedLight coarse_light(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
     void fill();
     HemisphereMap map_of(ChartId chart) const;

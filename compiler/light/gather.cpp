@@ -167,6 +167,8 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                 Rgbd radiance;
                 if (!next) {
                     radiance = sky_radiance(lights_);
+                } else if (!next->back && light.far[patch].x >= 0 && is_far(light, patch, code_at(*next))) {
+                    radiance = static_cast<Rgbd>(light.far[patch]);
                 } else if (!next->back) {
                     radiance = reflected_at(*next, way, random, light, looked, depth + 1);
                     const std::uint32_t e = emitters_.of_face[next->face.at()];

@@ -55,7 +55,7 @@ void Bake::note_solution() {
     reflects_.resize(n), reflects_coarse_.resize(n), guides_.resize(n);
     std::vector<std::uint64_t> seen(n);
     const auto read = [&](ByteWriter& w, const ReflectedLight& light, std::uint32_t p) {
-        w(light.patch[p]);
+        w(light.patch[p], light.far[p]);
         for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
             const Luxel& luxel = surfaces_.luxels[patch_luxels_[k]];
             const Chart& chart = surfaces_.charts[luxel.chart.at()];

@@ -1,9 +1,13 @@
 #include "compiler/light/seams.h"
 #include "compiler/light/bake.h"
+#include "libs/core/check.h"
 #include "libs/core/union_find.h"
 #include "libs/parallel/parallel.h"
+#include <Eigen/SparseCholesky>
 #include <cmath>
+#include <memory>
 #include <tuple>
+#include <utility>
 
 namespace kiln {
 
@@ -141,84 +145,82 @@ struct Row {
     }
 };
 
-// Minimises  sum of rows (sum of weight * x)^2 + sum of keep * (x - start)^2, where asked with x >= 0, one colour.
-// Conjugate gradients, preconditioned by the diagonal. Values that would fall below 0 are held there and the others solved for again.
+// Minimises  sum of rows (sum of weight * x)^2 + sum of keep * (x - start)^2, where asked with x >= 0, one colour: its normal equations,
+// by a sparse Cholesky factorisation. Values that would fall below 0 are held there and the others solved for again.
 class Fit {
 public:
     std::vector<Row> rows;
-    std::vector<double> keep;        // per unknown
+    std::vector<double> keep; // per unknown, above 0
     bool non_negative = true;
 
     // From its own solution once more: what holding to the values leaves of a mismatch shrinks by the same factor again, where the
     // texels can follow at all.
-    std::vector<double> solve(const std::vector<double>& start) const { return nearest(nearest(start)); }
+    std::vector<double> solve(const std::vector<double>& start) { return nearest(nearest(start)); }
 
 private:
-    std::vector<double> nearest(const std::vector<double>& start) const {
-        constexpr int kHolds = 8;
-        std::vector<double> x = start;
-        std::vector<bool> held(x.size());
-        for (int round = 0; round < kHolds; ++round) {
-            descend(start, held, x);
-            bool more = false;
-            for (std::size_t i = 0; i < x.size(); ++i)
-                if (non_negative && !held[i] && x[i] < 0) held[i] = more = true, x[i] = 0;
-            if (!more) break;
+    using Matrix = Eigen::SparseMatrix<double>;
+    using Factors = Eigen::SimplicialLLT<Matrix>;
+    std::unique_ptr<Factors> free_; // with none held; the same for all colours
+
+    std::unique_ptr<Factors> factors(const std::vector<bool>& held) const {
+        const std::size_t n = keep.size();
+        std::vector<std::uint32_t> first(n + 1), where; // rows that an unknown is in
+        for (const Row& row : rows)
+            for (std::size_t i = 0; i < row.count; ++i) ++first[row.unknown[i] + 1];
+        for (std::size_t i = 0; i < n; ++i) first[i + 1] += first[i];
+        where.resize(first[n]);
+        std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+        for (std::uint32_t r = 0; r < rows.size(); ++r)
+            for (std::size_t i = 0; i < rows[r].count; ++i) where[next[rows[r].unknown[i]]++] = r;
+        // The lower half, column by column.
+        std::vector<int> begin{0}, at;
+        std::vector<double> value, column(n);
+        std::vector<std::uint32_t> touched;
+        for (std::uint32_t j = 0; j < n; ++j) {
+            touched.assign(1, j), column[j] = held[j] ? 1 : keep[j];
+            for (std::uint32_t k = first[j]; k < first[j + 1] && !held[j]; ++k) {
+                const Row& row = rows[where[k]];
+                const auto own = static_cast<std::size_t>(std::ranges::find(row.unknown, j) - row.unknown.begin());
+                for (std::size_t i = 0; i < row.count; ++i) {
+                    const std::uint32_t u = row.unknown[i];
+                    if (u < j || held[u]) continue;
+                    if (column[u] == 0) touched.push_back(u);
+                    column[u] += row.weight[i] * row.weight[own];
+                }
+            }
+            std::ranges::sort(touched);
+            const auto same = std::ranges::unique(touched); // what came to 0 on the way was noted again
+            touched.erase(same.begin(), same.end());
+            for (const std::uint32_t u : touched) at.push_back(static_cast<int>(u)), value.push_back(std::exchange(column[u], 0));
+            begin.push_back(static_cast<int>(at.size()));
         }
-        return x;
+        const auto side = static_cast<Eigen::Index>(n);
+        const Eigen::Map<const Matrix> normal(side, side, static_cast<Eigen::Index>(at.size()), begin.data(), at.data(), value.data());
+        auto out = std::make_unique<Factors>(Matrix(normal));
+        KILN_CHECK(out->info() == Eigen::Success);
+        return out;
     }
 
-    void descend(const std::vector<double>& start, const std::vector<bool>& held, std::vector<double>& x) const {
-        constexpr double kSmall = 1e-6; // of the first residual: rows then miss by that much of what they missed by
-        constexpr int kMostSteps = 1000;
-        const std::size_t n = x.size();
-        std::vector<double> diagonal = keep, residual(n), step(n), image(n), scaled(n);
-        for (const Row& row : rows)
-            for (std::size_t i = 0; i < row.count; ++i) diagonal[row.unknown[i]] += row.weight[i] * row.weight[i];
-        const auto apply = [&](const std::vector<double>& v, std::vector<double>& out) {
-            for (std::size_t i = 0; i < n; ++i) out[i] = keep[i] * v[i];
-            for (const Row& row : rows) {
-                double sum = 0;
-                for (std::size_t i = 0; i < row.count; ++i) sum += row.weight[i] * v[row.unknown[i]];
-                for (std::size_t i = 0; i < row.count; ++i) out[row.unknown[i]] += row.weight[i] * sum;
+    std::vector<double> nearest(const std::vector<double>& start) {
+        constexpr int kHolds = 8;
+        const std::size_t n = start.size();
+        std::vector<bool> held(n);
+        if (!free_) free_ = factors(held);
+        std::unique_ptr<Factors> some;
+        std::vector<double> x(n);
+        for (int round = 0; round < kHolds; ++round) {
+            Eigen::VectorXd wanted(static_cast<Eigen::Index>(n));
+            for (std::size_t i = 0; i < n; ++i) wanted[static_cast<Eigen::Index>(i)] = held[i] ? 0 : keep[i] * start[i];
+            const Eigen::VectorXd got = (some ? *some : *free_).solve(wanted);
+            bool more = false;
+            for (std::size_t i = 0; i < n; ++i) {
+                x[i] = got[static_cast<Eigen::Index>(i)];
+                if (non_negative && !held[i] && x[i] < 0) held[i] = more = true, x[i] = 0;
             }
-            for (std::size_t i = 0; i < n; ++i)
-                if (held[i]) out[i] = 0;
-        };
-        const auto product = [&](const std::vector<double>& a, const std::vector<double>& b) {
-            double sum = 0;
-            for (std::size_t i = 0; i < n; ++i) sum += a[i] * b[i];
-            return sum;
-        };
-        { // keep * start - A x; what is held has its place in A x, and no equation
-            std::vector<bool> none(n);
-            std::vector<double> all(n);
-            for (std::size_t i = 0; i < n; ++i) all[i] = keep[i] * x[i];
-            for (const Row& row : rows) {
-                double sum = 0;
-                for (std::size_t i = 0; i < row.count; ++i) sum += row.weight[i] * x[row.unknown[i]];
-                for (std::size_t i = 0; i < row.count; ++i) all[row.unknown[i]] += row.weight[i] * sum;
-            }
-            for (std::size_t i = 0; i < n; ++i) residual[i] = held[i] ? 0 : keep[i] * start[i] - all[i];
+            if (!more) break;
+            some = factors(held);
         }
-        const auto scale = [&] {
-            for (std::size_t i = 0; i < n; ++i) scaled[i] = residual[i] / diagonal[i];
-        };
-        scale();
-        step = scaled;
-        double rho = product(residual, scaled);
-        const double stop = rho * kSmall * kSmall;
-        for (int k = 0; k < kMostSteps && rho > stop; ++k) {
-            apply(step, image);
-            const double curvature = product(step, image);
-            if (!(curvature > 0)) break;
-            const double a = rho / curvature;
-            for (std::size_t i = 0; i < n; ++i) x[i] += a * step[i], residual[i] -= a * image[i];
-            scale();
-            const double next = product(residual, scaled);
-            for (std::size_t i = 0; i < n; ++i) step[i] = scaled[i] + step[i] * (next / rho);
-            rho = next;
-        }
+        return x;
     }
 };
 
