@@ -183,7 +183,7 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
 }
 
 void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
-                               const Arrival& arrival, Looked* looked) const {
+                               const Arrival& arrival, Looked* looked, std::vector<Vec3>* bundle) const {
     const Data& d = *data_;
     const bool free = normal == Vec3{};
     const Vec3 x = d.origin_at(point, normal);
@@ -296,6 +296,7 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
             radiance[i] += (through.empty() ? Rgbd{1, 1, 1} : through[i]) * d.emitters.emitters[emitter[i]].radiance;
         if (max_component(radiance[i]) > 0) arrival(directions[i], radiance[i] * solid[i]);
     }
+    if (bundle) *bundle = std::move(directions);
 }
 
 // Radiance of one face as an engine shows it.

@@ -88,9 +88,10 @@ public:
     void arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const;
     // Only direct light of entities (point, spot, sun), or only the rest.
     void arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, const Arrival& arrival) const;
-    // `looked`: notes which parts of the field it depends on.
+    // `looked`: notes which parts of the field it depends on. `bundle`: the ways of its rays; what they bring comes last and in this order,
+    // each at most once.
     void arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
-                       const Arrival& arrival, Looked* looked = nullptr) const;
+                       const Arrival& arrival, Looked* looked = nullptr, std::vector<Vec3>* bundle = nullptr) const;
     // Hashes of the parts of the field, and of what all light depends on (sky, emitters). Where both are what they were in a field
     // of the same geometry, arriving_rest gives what it gave.
     std::vector<std::uint64_t> part_states() const;

@@ -1,4 +1,5 @@
 #include "compiler/light/lambert.h"
+#include "libs/sampling/maps.h"
 #include <array>
 #include <numbers>
 #include <vector>
@@ -9,7 +10,7 @@ Vec3 lambert_edge(Vec3 x, Vec3 a, Vec3 b) {
     const Vec3 u = a - x, v = b - x, w = cross(u, v);
     const double s = length(w);
     if (!(s > 0)) return {};
-    return w * (std::atan2(s, dot(u, v)) / s);
+    return w * (atan2_upper(s, dot(u, v)) / s);
 }
 
 double lambert_form_factor(Vec3 x, Vec3 n, std::span<const Vec3> convex) {
@@ -29,7 +30,7 @@ double solid_angle(Vec3 x, Vec3 a, Vec3 b, Vec3 c) {
     const double lu = length(u), lv = length(v), lw = length(w);
     const double above = std::abs(dot(u, cross(v, w)));
     const double below = lu * lv * lw + dot(u, v) * lw + dot(v, w) * lu + dot(w, u) * lv;
-    return 2 * std::atan2(above, below);
+    return 2 * atan2_upper(above, below);
 }
 
 } // namespace kiln

@@ -22,7 +22,7 @@ SphericalTriangle::SphericalTriangle(Vec3 a, Vec3 b, Vec3 c) : a_(normalize(a)),
     const Vec3 to_c = normalize(c);
     cos_ab_ = dot(a_, b_);
     const double triple = std::abs(dot(a_, cross(b_, to_c)));
-    solid_angle_ = 2 * std::atan2(triple, 1 + cos_ab_ + dot(b_, to_c) + dot(to_c, a_));
+    solid_angle_ = 2 * atan2_upper(triple, 1 + cos_ab_ + dot(b_, to_c) + dot(to_c, a_));
     const Vec3 ab = cross(a_, b_), ac = cross(a_, to_c);
     const double lengths = length(ab) * length(ac);
     if (!(lengths > 0)) return;

@@ -73,6 +73,17 @@ TEST(Sobol, BeatsRandomNumbersOnASmoothIntegrand) {
     EXPECT_LT(std::sqrt(qmc), std::sqrt(mc) / 20);
 }
 
+TEST(Maps, UpperHalfOfAtan2) {
+    for (int i = 0; i <= 4096; ++i) {
+        const double a = std::numbers::pi * i / 4096;
+        for (const double r : {1e-200, 3e-7, 1.0, 1e150}) EXPECT_NEAR(atan2_upper(r * std::sin(a), r * std::cos(a)), std::atan2(r * std::sin(a), r * std::cos(a)), 1e-15) << i;
+    }
+    for (double y = 1; y > 1e-300; y /= 7) EXPECT_NEAR(atan2_upper(y, 1) / std::atan2(y, 1.0), 1, 5e-16) << y;
+    EXPECT_EQ(atan2_upper(0, 1), 0);
+    EXPECT_EQ(atan2_upper(0, 0), 0);
+    EXPECT_EQ(atan2_upper(0, -2), std::numbers::pi);
+}
+
 TEST(Maps, SineAndCosine) {
     for (int i = -1000; i <= 1000; ++i) {
         const double t = i / 371.0;
