@@ -147,6 +147,8 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             const std::uint32_t luxels = patch_luxel_first_[p + 1] - patch_luxel_first_[p];
             const std::uint32_t thorough =
                 std::clamp(2 * luxels, quality_.visibility_rays, 4 * quality_.visibility_rays);
+            // Of an entity: no closer together on a patch of few luxels than on others.
+            const std::uint32_t few = luxels ? std::clamp(std::bit_ceil(2 * luxels), 4u, quality_.visibility_rays) : quality_.visibility_rays;
             // What the bundle of the row has met is visible.
             std::fill(met.begin(), met.end(), 0);
             for (std::uint32_t i = 0; i < quality_.row_rays; ++i) {
@@ -197,9 +199,10 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 std::uint32_t seen = 0, tested = 0;
                 bool filtered = false;
                 double brought = 0;
-                const std::uint32_t tests = bright > kStrong * found ? thorough : quality_.visibility_rays;
+                const bool closely = bright > kStrong * found;
+                const std::uint32_t tests = closely ? std::clamp(2 * luxels, few, 4 * quality_.visibility_rays) : few;
                 for (std::uint32_t k = 0; k < tests; ++k) {
-                    if (k == 4 && tested == 4 && seen == 0 && tests != thorough) break;
+                    if (k == 4 && tested == 4 && seen == 0 && !closely) break;
                     const Footprint::Point at = footprint.sample(points.pair(k, 0));
                     const Vec3 x = at.position + at.normal * scene_.push_off();
                     LightSample s;
