@@ -233,6 +233,7 @@ private:
     void find_beside();
     void smooth();
     void each_gathered(const std::function<void(std::uint32_t)>& body);
+    KernelSum light_of(std::uint32_t luxel) const; // all of it, as it is baked
     void store_luxels();
     static constexpr int kNearBounces = 4; // of reflected_at
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;

@@ -153,6 +153,9 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
         for (const auto& v : values) m += v[normal][c] / kReplicates;
         return m * m - spread(values, normal, c) / kReplicates;
     };
+    std::vector<std::array<Rgbd, 4>> as_baked(rough ? 0 : chosen.size());
+    for (std::size_t i = 0; i < as_baked.size(); ++i)
+        if (gathered_there_[chosen[i]]) as_baked[i] = kernel_of(chosen[i]).shown(light_of(chosen[i]));
     double worst = -1;
     std::vector<double> squares, weights;
     for (std::size_t k = 0; k < 4; ++k) { // along each normal
@@ -171,9 +174,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
             const bool baked = !rough && gathered_there_[l];
             Rgbd apart;
             if (baked) {
-                KernelSum sum = direct_[l];
-                sum += smoothed_[l];
-                apart = kernel_of(l).shown(sum)[k];
+                apart = as_baked[i][k];
                 for (const auto& v : r.value) apart -= v[k] / static_cast<double>(kReplicates);
             }
             double variance = 0, shift = 0, short_by = 0;

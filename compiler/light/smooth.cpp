@@ -73,6 +73,11 @@ void Bake::each_gathered(const std::function<void(std::uint32_t)>& body) {
     });
 }
 
+KernelSum Bake::light_of(std::uint32_t l) const {
+    KernelSum sum = direct_[l];
+    return sum += smoothed_[l];
+}
+
 // What is handed on of each luxel.
 void Bake::store_luxels() {
     each_gathered([&](std::uint32_t l) {
@@ -80,8 +85,7 @@ void Bake::store_luxels() {
         const Chart& chart = surfaces_.charts[luxel.chart.at()];
         const std::uint32_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
         const LuxelKernel kernel = kernel_of(l);
-        KernelSum sum = direct_[l];
-        sum += smoothed_[l];
+        const KernelSum sum = light_of(l);
         out_.flat[texel] = static_cast<Rgb>(sum.flat);
         out_.valid[texel] = 1;
         const std::array<Rgbd, 4> shown = kernel.shown(sum);

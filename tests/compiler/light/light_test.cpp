@@ -277,6 +277,34 @@ TEST(Bake, WallOfLightNextToLuxelsAlongTiltedNormals) {
     EXPECT_LT(std::sqrt(square / count), 0.02);
 }
 
+// Luxels learn from those beside them what they gathered: bakes with other random numbers then differ by less than the rays of a luxel alone would let
+// them, as the error stored with each says, and by the wall that stands on the floor there is still a step.
+TEST(Bake, NeighboursTakeNoiseNotSteps) {
+    constexpr std::uint64_t kSeeds = 6;
+    std::vector<std::unique_ptr<Baked>> bakes;
+    for (std::uint64_t seed = 0; seed < kSeeds; ++seed) bakes.push_back(bake(two_rooms(5), {.error_percent = 10, .seed = seed}));
+    const Surfaces& s = bakes[0]->scene.surfaces;
+    double found = 0, told = 0, count = 0, lit = 0, dark = 0, lits = 0, darks = 0;
+    for (const Luxel& l : s.luxels) {
+        const Vec3 x = center_of(s, l), n = s.charts[l.chart.at()].n;
+        const std::size_t t = texel_of(s, l);
+        double mean = 0, square = 0;
+        for (const auto& b : bakes) mean += b->lighting.flat[t].x / kSeeds;
+        for (const auto& b : bakes) square += std::pow(b->lighting.flat[t].x / mean - 1, 2) / (kSeeds - 1);
+        if (x.x > 195 && mean > 0) // only the doorway lights it: little of it is direct
+            for (const auto& b : bakes) found += square / kSeeds, told += std::pow(static_cast<double>(b->lighting.texel_error[t]), 2) / kSeeds, count += 1.0 / kSeeds;
+        if (n.z > 0.5 && x.z == 0 && x.y > 220) { // right before the partition, and right behind it
+            if (x.x > 172 && x.x < 180) lit += mean, ++lits;
+            if (x.x > 190 && x.x < 198) dark += mean, ++darks;
+        }
+    }
+    found = std::sqrt(found / count), told = std::sqrt(told / count);
+    EXPECT_LT(found, 1.1 * told);
+    EXPECT_GT(found, 0.6 * told);
+    EXPECT_LT(found, 0.1); // 0.116 by their own rays alone, and more of them
+    EXPECT_GT(lit / lits, 15 * dark / darks); // 20.1
+}
+
 // Close to a point the field asks all the lights it sees, and of the hidden ones one at a time: on the average nothing changes.
 // Forty lamps at one end of a room, at the other end points behind a plate that hides all or half of them; the wall behind is lit around it.
 TEST(Bake, SomeOfManyLightsStandForAll) {
