@@ -192,17 +192,27 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
 }
 
 bool Bake::is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const {
-    if (!is_patch(code)) return code < kHitPanes; // an emitter
-    return length(light.place[code] - light.place[patch]) > light.far_from;
+    const double from = static_cast<double>(light.far_from[patch]) + static_cast<double>(light.reach[patch]);
+    if (is_patch(code)) return length(light.place[code] - light.place[patch]) - static_cast<double>(light.reach[code]) > from;
+    if (code >= kHitPanes) return false;
+    const Emitter& e = emitters_.emitters[code & ~kHitEmitter];
+    return length(e.center - light.place[patch]) - e.radius > from;
 }
 
 // `parent`: of each patch, in `table`.
 void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const {
     const std::size_t n = patches_.patches.size();
     const std::uint32_t m = quality_.row_rays;
-    light->far_from = kFarPatches * size;
-    light->place.resize(n);
-    for (std::size_t p = 0; p < n; ++p) light->place[p] = table.patches[parent[p]].centroid;
+    light->place.resize(n), light->reach.assign(n, 0), light->far_from.resize(n);
+    for (std::size_t p = 0; p < n; ++p) {
+        const Vec3 place = light->place[p] = table.patches[parent[p]].centroid;
+        const Face& face = surfaces_.faces[patches_.patches[p].face.at()];
+        const bool charted = face.chart.valid();
+        light->far_from[p] = static_cast<float>(kFarPatches * std::max(size, charted ? surfaces_.charts[face.chart.at()].luxel_size : 0.0)); // patches are luxels at least
+        if (charted) continue;
+        for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t)
+            for (const std::uint32_t v : surfaces_.triangles[t]) light->reach[p] = std::max(light->reach[p], static_cast<float>(length(surfaces_.positions[v] - place)));
+    }
     std::vector<Rgbd> sum(table.patches.size());
     std::vector<double> weight(table.patches.size());
     for (std::uint32_t p = 0; p < n; ++p) {

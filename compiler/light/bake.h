@@ -24,10 +24,11 @@ struct ReflectedLight {
     std::vector<Rgb> texel, patch;
     std::vector<Rgb> direct;         // the part of `texel` that explicit direct light makes
     std::vector<std::uint8_t> steep; // per texel: that part changes much towards the texels beside it
-    // Per patch: what its row met at patches far off and at emitters that have no rays of their own there, the mean of those rays; below 0: none did.
+    // Per patch: what its row met at patches far off and at emitters far off that have no rays of their own there, the mean of those rays; below 0: none did.
     std::vector<Rgb> far;
-    std::vector<Vec3> place; // per patch: what is far is told by distances between these,
-    double far_from = 0;     // from here on
+    // Per patch: what is far is told by distances between places, less what a face that is one patch reaches from its own; from where on it is.
+    std::vector<Vec3> place;
+    std::vector<float> reach, far_from;
 };
 
 // A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
@@ -237,6 +238,7 @@ private:
     void store_luxels();
     static constexpr int kNearBounces = 4; // of reflected_at
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
+    bool crosses_panes(Vec3 origin, Vec3 way, double far) const;
     Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const;
     // estimate.cpp
     struct PilotResult {                  // of what is shown along that of the four normals that fares worst

@@ -197,16 +197,21 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 left -= bright;
                 const Light& light = lights_[i];
                 std::uint32_t seen = 0, tested = 0;
-                bool filtered = false;
+                bool filtered = false, edge = false;
                 double brought = 0;
+                // Places that it does not reach (beyond its cone, say) cost no ray; where it reaches some and some not, its edge runs through.
                 const bool closely = bright > kStrong * found;
-                const std::uint32_t tests = closely ? std::clamp(2 * luxels, few, 4 * quality_.visibility_rays) : few;
-                for (std::uint32_t k = 0; k < tests; ++k) {
+                const std::uint32_t tests = closely ? std::clamp(2 * luxels, std::max(few, 8u), 4 * quality_.visibility_rays) : few;
+                const std::uint32_t places = std::max(tests, quality_.visibility_rays);
+                for (std::uint32_t k = 0; k < places && tested < tests; ++k) {
                     if (k == 4 && tested == 4 && seen == 0 && !closely) break;
                     const Footprint::Point at = footprint.sample(points.pair(k, 0));
                     const Vec3 x = at.position + at.normal * scene_.push_off();
                     LightSample s;
-                    if (!sample_light(light, x, at.normal, points.pair(k, 2), &s)) continue;
+                    if (!sample_light(light, x, at.normal, points.pair(k, 2), &s)) {
+                        edge = true;
+                        continue;
+                    }
                     ++tested, ++rays;
                     bool blocked = false;
                     const Rgbd through = arriving(scene_, x, s, radius / std::sqrt(1.0 * tests), at.normal, part_of_disc(light, tests), &blocked);
@@ -218,7 +223,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 if (!tested) continue;
                 found += brought / tested;
                 entities[p].push_back(
-                    {i, false, seen != tested && seen > 0, seen == 0, penumbra_samples(bright / found), filtered});
+                    {i, false, (edge || seen != tested) && seen > 0, seen == 0, penumbra_samples(bright / found), filtered});
             }
             if (memo_) {
                 PatchLights all{emitters[p], entities[p], rays - rays_before};

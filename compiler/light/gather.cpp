@@ -145,6 +145,13 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
     return light * scale;
 }
 
+bool Bake::crosses_panes(Vec3 origin, Vec3 way, double far) const {
+    if (!scene_.has_panes()) return false;
+    thread_local std::vector<PaneHit> panes;
+    scene_.panes(origin, way, far, {}, panes);
+    return !panes.empty();
+}
+
 // Radiance reflected at a hit. One close by lies where light may vary within a luxel and much within a patch (the
 // other wall of a corner, a crevice): there the direct light of the luxel is kept, if it is much the same around it and
 // else asked for at the very place, and the rest taken one bounce further on.
@@ -167,7 +174,7 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                 Rgbd radiance;
                 if (!next) {
                     radiance = sky_radiance(lights_);
-                } else if (!next->back && light.far[patch].x >= 0 && is_far(light, patch, code_at(*next))) {
+                } else if (!next->back && dot(face.normal, came) < 0 && light.far[patch].x >= 0 && is_far(light, patch, code_at(*next)) && !crosses_panes(hit.position + n * scene_.push_off(), way, next->distance)) {
                     radiance = static_cast<Rgbd>(light.far[patch]);
                 } else if (!next->back) {
                     radiance = reflected_at(*next, way, random, light, looked, depth + 1);

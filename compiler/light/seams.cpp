@@ -1,6 +1,5 @@
 #include "compiler/light/seams.h"
 #include "compiler/light/bake.h"
-#include "libs/core/check.h"
 #include "libs/core/union_find.h"
 #include "libs/parallel/parallel.h"
 #include <Eigen/SparseCholesky>
@@ -154,7 +153,7 @@ public:
     bool non_negative = true;
 
     // From its own solution once more: what holding to the values leaves of a mismatch shrinks by the same factor again, where the
-    // texels can follow at all.
+    // texels can follow at all. Where the equations cannot be solved the values stay.
     std::vector<double> solve(const std::vector<double>& start) { return nearest(nearest(start)); }
 
 private:
@@ -162,6 +161,7 @@ private:
     using Factors = Eigen::SimplicialLLT<Matrix>;
     std::unique_ptr<Factors> free_; // with none held; the same for all colours
 
+    // None: too ill-conditioned.
     std::unique_ptr<Factors> factors(const std::vector<bool>& held) const {
         const std::size_t n = keep.size();
         std::vector<std::uint32_t> first(n + 1), where; // rows that an unknown is in
@@ -197,8 +197,7 @@ private:
         const auto side = static_cast<Eigen::Index>(n);
         const Eigen::Map<const Matrix> normal(side, side, static_cast<Eigen::Index>(at.size()), begin.data(), at.data(), value.data());
         auto out = std::make_unique<Factors>(Matrix(normal));
-        KILN_CHECK(out->info() == Eigen::Success);
-        return out;
+        return out->info() == Eigen::Success ? std::move(out) : nullptr;
     }
 
     std::vector<double> nearest(const std::vector<double>& start) {
@@ -207,18 +206,21 @@ private:
         std::vector<bool> held(n);
         if (!free_) free_ = factors(held);
         std::unique_ptr<Factors> some;
-        std::vector<double> x(n);
+        std::vector<double> x = start;
         for (int round = 0; round < kHolds; ++round) {
+            if (round) some = factors(held);
+            const Factors* use = round ? some.get() : free_.get();
+            if (!use) return start;
             Eigen::VectorXd wanted(static_cast<Eigen::Index>(n));
             for (std::size_t i = 0; i < n; ++i) wanted[static_cast<Eigen::Index>(i)] = held[i] ? 0 : keep[i] * start[i];
-            const Eigen::VectorXd got = (some ? *some : *free_).solve(wanted);
+            const Eigen::VectorXd got = use->solve(wanted);
+            if (!got.allFinite()) return start;
             bool more = false;
             for (std::size_t i = 0; i < n; ++i) {
                 x[i] = got[static_cast<Eigen::Index>(i)];
                 if (non_negative && !held[i] && x[i] < 0) held[i] = more = true, x[i] = 0;
             }
             if (!more) break;
-            some = factors(held);
         }
         return x;
     }
@@ -230,6 +232,7 @@ constexpr double kKeepFilled = 3e-4; // of a texel that no face covers: it was m
 constexpr double kOrdinaryNoise = 0.02;
 constexpr double kLean = 0.5;        // sine of the angle by which the normals lean that directional light is compared for
 constexpr double kDensity = 8;       // points a luxel
+constexpr double kCancelled = 1e-3;
 
 struct Texel {
     Rgbd flat;
@@ -455,7 +458,7 @@ void Matching::fit_directional(Part& part) const {
             const double turn = 2 * std::numbers::pi * normal / 3;
             const Vec3 n = common.world({kLean * std::cos(turn), kLean * std::sin(turn), std::sqrt(1 - kLean * kLean)});
             Row row;
-            double shown = 0;
+            double shown = 0, read = 0;
             for (std::size_t k = 0; k < 2; ++k)
                 for (std::size_t m = 0; m < 3; ++m) {
                     std::array<Rgb, 3> one{};
@@ -466,10 +469,11 @@ void Matching::fit_directional(Part& part) const {
                         const double weight = part.reads[j][k].weight[i] * share;
                         const std::size_t u = part.index(part.reads[j][k].texel[i]);
                         row.add(static_cast<std::uint32_t>(3 * u + m), k ? -weight : weight);
-                        shown += 0.5 * weight * mean(part.value[u].rnm[m]);
+                        shown += 0.5 * weight * mean(part.value[u].rnm[m]), read += 0.5 * std::abs(weight * mean(part.value[u].rnm[m]));
                     }
                 }
-            for (double& w : row.weight) w /= std::max(shown, floor_);
+            // Along normals away from the light its parts nearly cancel: what is left of them is no measure.
+            for (double& w : row.weight) w /= std::max({shown, kCancelled * read, floor_});
             fit.rows.push_back(row);
         }
     }

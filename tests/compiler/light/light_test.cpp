@@ -340,6 +340,34 @@ TEST(Bake, SomeOfManyLightsStandForAll) {
     }
 }
 
+// A spot with a hard edge on luxels that are patches of their own: those that its rim cuts get their share, wherever it falls among their test rays.
+TEST(Bake, RimOfASpotOnCoarseLuxels) {
+    const auto flux = [](double luxel) {
+        SurfacesBuilder scene;
+        scene.rect({-512, -512, 0}, {1024, 0, 0}, {0, 1024, 0}, scene.material({}), {.luxel = luxel});
+        Light spot = point_light({13, 7, 300}, {1e5, 1e5, 1e5});
+        spot.kind = LightKind::spot, spot.direction = {0, 0, -1}, spot.cos_inner = spot.cos_outer = 0.8;
+        const auto b = bake(std::move(scene), {.error_percent = 5}, {spot});
+        double sum = 0, lit = 0;
+        for (const Luxel& l : b->scene.surfaces.luxels)
+            if (const double e = b->lighting.flat[texel_of(b->scene.surfaces, l)].x; e > 0) sum += e * luxel * luxel, ++lit;
+        return std::pair(sum, lit);
+    };
+    const auto [fine, many] = flux(8);
+    const auto [coarse, few] = flux(64);
+    EXPECT_NEAR(coarse, fine, 0.02 * fine);
+    // Squares that a circle of radius 225 about (13, 7) reaches into, each by an eighth of its area at least.
+    int reached = 0;
+    for (int y = -8; y < 8; ++y)
+        for (int x = -8; x < 8; ++x) {
+            int inside = 0;
+            for (int k = 0; k < 1024; ++k) inside += std::hypot(64 * (x + (k % 32 + 0.5) / 32) - 13, 64 * (y + (k / 32 + 0.5) / 32) - 7) < 225;
+            reached += inside >= 128;
+        }
+    EXPECT_GE(few, reached);
+    EXPECT_GT(many, 0);
+}
+
 // Twice the light, twice the irradiance; two lights, the sum of both.
 TEST(Bake, LinearInItsLights) {
     SurfacesBuilder scene;
