@@ -192,11 +192,10 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
 }
 
 bool Bake::is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const {
-    const double from = static_cast<double>(light.far_from[patch]) + static_cast<double>(light.reach[patch]);
-    if (is_patch(code)) return length(light.place[code] - light.place[patch]) - static_cast<double>(light.reach[code]) > from;
+    if (is_patch(code)) return length(light.place[code] - light.place[patch]) - light.reach[code] > light.far_from[patch];
     if (code >= kHitPanes) return false;
     const Emitter& e = emitters_.emitters[code & ~kHitEmitter];
-    return length(e.center - light.place[patch]) - e.radius > from;
+    return length(e.center - light.place[patch]) - e.radius > light.far_from[patch];
 }
 
 // `parent`: of each patch, in `table`.
@@ -207,11 +206,13 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
     for (std::size_t p = 0; p < n; ++p) {
         const Vec3 place = light->place[p] = table.patches[parent[p]].centroid;
         const Face& face = surfaces_.faces[patches_.patches[p].face.at()];
-        const bool charted = face.chart.valid();
-        light->far_from[p] = static_cast<float>(kFarPatches * std::max(size, charted ? surfaces_.charts[face.chart.at()].luxel_size : 0.0)); // patches are luxels at least
-        if (charted) continue;
+        if (face.chart.valid()) { // patches are luxels at least
+            light->far_from[p] = kFarPatches * std::max(size, surfaces_.charts[face.chart.at()].luxel_size);
+            continue;
+        }
         for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t)
-            for (const std::uint32_t v : surfaces_.triangles[t]) light->reach[p] = std::max(light->reach[p], static_cast<float>(length(surfaces_.positions[v] - place)));
+            for (const std::uint32_t v : surfaces_.triangles[t]) light->reach[p] = std::max(light->reach[p], length(surfaces_.positions[v] - place));
+        light->far_from[p] = kFarPatches * size + light->reach[p];
     }
     std::vector<Rgbd> sum(table.patches.size());
     std::vector<double> weight(table.patches.size());

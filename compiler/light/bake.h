@@ -26,9 +26,10 @@ struct ReflectedLight {
     std::vector<std::uint8_t> steep; // per texel: that part changes much towards the texels beside it
     // Per patch: what its row met at patches far off and at emitters far off that have no rays of their own there, the mean of those rays; below 0: none did.
     std::vector<Rgb> far;
-    // Per patch: what is far is told by distances between places, less what a face that is one patch reaches from its own; from where on it is.
+    // Per patch: what is far is told by distances between places, less what a face that is one patch reaches from its own; from where on it is,
+    // with its own reach.
     std::vector<Vec3> place;
-    std::vector<float> reach, far_from;
+    std::vector<double> reach, far_from;
 };
 
 // A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
@@ -189,8 +190,8 @@ private:
     std::uint32_t emitter_of(std::uint32_t code) const;
     Rgbd emission_through_panes(std::uint64_t ray, std::uint32_t patch, bool only_unlisted) const;
     double light_through_panes(std::uint64_t ray, std::uint32_t patch) const;
-    // Of a ray that meets `behind` at `far`: what the panes before it make of that, and their own light.
-    Rgbd through_panes(Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
+    // Of a ray that crosses the panes and meets `behind`: what they make of that, and their own light.
+    Rgbd through_panes(std::span<const PaneHit> panes, Vec3 way, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
                        const ReflectedLight& light, Looked* looked, int depth, Rgbd behind) const;
     // direct.cpp
     void choose_lights(const std::vector<Rgbd>& irradiance);
@@ -238,7 +239,6 @@ private:
     void store_luxels();
     static constexpr int kNearBounces = 4; // of reflected_at
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
-    bool crosses_panes(Vec3 origin, Vec3 way, double far) const;
     Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const;
     // estimate.cpp
     struct PilotResult {                  // of what is shown along that of the four normals that fares worst

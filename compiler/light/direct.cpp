@@ -142,12 +142,10 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             }
             const std::uint64_t rays_before = rays;
             const Sobol points(seed_at(patch.centroid, 2));
-            // Test rays: four where little is at stake, else two for each luxel, so that no thin shadow falls
-            // between.
+            // Test rays: two for each luxel where much is at stake, so that no thin shadow falls between. For an entity where little is, no closer
+            // together on a patch of few luxels than on others.
             const std::uint32_t luxels = patch_luxel_first_[p + 1] - patch_luxel_first_[p];
-            const std::uint32_t thorough =
-                std::clamp(2 * luxels, quality_.visibility_rays, 4 * quality_.visibility_rays);
-            // Of an entity: no closer together on a patch of few luxels than on others.
+            const auto thorough = [&](std::uint32_t least) { return std::clamp(2 * luxels, least, 4 * quality_.visibility_rays); };
             const std::uint32_t few = luxels ? std::clamp(std::bit_ceil(2 * luxels), 4u, quality_.visibility_rays) : quality_.visibility_rays;
             // What the bundle of the row has met is visible.
             std::fill(met.begin(), met.end(), 0);
@@ -167,7 +165,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 std::uint32_t seen = 0, tested = 0;
                 bool filtered = false;
                 double factor = 0;
-                const std::uint32_t tests = most > 400 * least ? thorough : quality_.visibility_rays;
+                const std::uint32_t tests = most > 400 * least ? thorough(quality_.visibility_rays) : quality_.visibility_rays;
                 const std::uint32_t early = most > 400 * least ? tests : 4;
                 for (std::uint32_t k = 0; k < tests; ++k) {
                     if (k >= early && seen == 0) break;
@@ -201,7 +199,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 double brought = 0;
                 // Places that it does not reach (beyond its cone, say) cost no ray; where it reaches some and some not, its edge runs through.
                 const bool closely = bright > kStrong * found;
-                const std::uint32_t tests = closely ? std::clamp(2 * luxels, std::max(few, 8u), 4 * quality_.visibility_rays) : few;
+                const std::uint32_t tests = closely ? thorough(std::max(few, 8u)) : few;
                 const std::uint32_t places = std::max(tests, quality_.visibility_rays);
                 for (std::uint32_t k = 0; k < places && tested < tests; ++k) {
                     if (k == 4 && tested == 4 && seen == 0 && !closely) break;

@@ -145,13 +145,6 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
     return light * scale;
 }
 
-bool Bake::crosses_panes(Vec3 origin, Vec3 way, double far) const {
-    if (!scene_.has_panes()) return false;
-    thread_local std::vector<PaneHit> panes;
-    scene_.panes(origin, way, far, {}, panes);
-    return !panes.empty();
-}
-
 // Radiance reflected at a hit. One close by lies where light may vary within a luxel and much within a patch (the
 // other wall of a corner, a crevice): there the direct light of the luxel is kept, if it is much the same around it and
 // else asked for at the very place, and the rest taken one bounce further on.
@@ -167,14 +160,17 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                 const auto all = static_cast<std::uint32_t>(patches_.patches.size());
                 if (looked) looked->at(patch), looked->at(all + patch);
                 if (looked && light.steep[texel]) looked->at(2 * all + patch);
-                const Vec3 n = dot(face.normal, came) < 0 ? face.normal : -face.normal;
+                const bool front = dot(face.normal, came) < 0;
+                const Vec3 n = front ? face.normal : -face.normal, from = hit.position + n * scene_.push_off();
                 const double u = random(), v = random();
                 const Vec3 way = frame_around(n).world(cosine_hemisphere({u, v}));
-                const std::optional<SceneHit> next = scene_.closest(hit.position + n * scene_.push_off(), way);
+                const std::optional<SceneHit> next = scene_.closest(from, way);
+                std::vector<PaneHit> panes;
+                if (scene_.has_panes()) scene_.panes(from, way, next ? next->distance : 1e30, {}, panes);
                 Rgbd radiance;
                 if (!next) {
                     radiance = sky_radiance(lights_);
-                } else if (!next->back && dot(face.normal, came) < 0 && light.far[patch].x >= 0 && is_far(light, patch, code_at(*next)) && !crosses_panes(hit.position + n * scene_.push_off(), way, next->distance)) {
+                } else if (!next->back && front && panes.empty() && light.far[patch].x >= 0 && is_far(light, patch, code_at(*next))) {
                     radiance = static_cast<Rgbd>(light.far[patch]);
                 } else if (!next->back) {
                     radiance = reflected_at(*next, way, random, light, looked, depth + 1);
@@ -182,10 +178,9 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                     if (looked && e != UINT32_MAX) looked->at(emitter_part(e));
                     if (e != UINT32_MAX && !listed(patch, e)) radiance += emitters_.emitters[e].radiance;
                 }
-                if (scene_.has_panes())
-                    radiance = through_panes(hit.position + n * scene_.push_off(), way, next ? next->distance : 1e30, {}, patch, {}, random, light, looked, depth + 1, radiance);
+                if (!panes.empty()) radiance = through_panes(panes, way, patch, {}, random, light, looked, depth + 1, radiance);
                 const Rgbd reflectance = static_cast<Rgbd>(patches_.patches[patch].reflectance);
-                const Rgbd direct = light.steep[texel] ? reflectance * one_light_at(patch, hit.position + n * scene_.push_off(), n, random) * (1 / kPi)
+                const Rgbd direct = light.steep[texel] ? reflectance * one_light_at(patch, from, n, random) * (1 / kPi)
                                                        : static_cast<Rgbd>(light.direct[texel]);
                 return direct + reflectance * radiance;
             }
@@ -250,12 +245,14 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     double unit_square = 0;
     std::array<KernelSum, 4> quarter{};
     std::array<std::array<double, 4>, 4> unit_quarter{};
+    std::vector<PaneHit> panes; // of a ray
     const auto seen = [&](std::uint32_t i, Random& random, const ReflectedLight& light, Rgbd behind) {
-        if (!scene_.has_panes()) return behind;
-        const Widths widths{.start = std::sqrt(footprint.area() / rays), .end = std::sqrt(weights[i] / rays), .start_normal = normal};
-        return through_panes(origins[i], directions[i], found[i] ? found[i]->distance : 1e30, widths, patch, heavy, random, light, looked, 0, behind);
+        return panes.empty() ? behind : through_panes(panes, directions[i], patch, heavy, random, light, looked, 0, behind);
     };
     for (std::uint32_t i = 0; i < rays; ++i) {
+        if (scene_.has_panes())
+            scene_.panes(origins[i], directions[i], found[i] ? found[i]->distance : 1e30,
+                         {.start = std::sqrt(footprint.area() / rays), .end = std::sqrt(weights[i] / rays), .start_normal = normal}, panes);
         const std::array<double, 4> k = kernel.values(directions[i]);
         Rgbd radiance, emitted;
         Random random(mix(seed, i));

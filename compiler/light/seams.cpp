@@ -232,7 +232,7 @@ constexpr double kKeepFilled = 3e-4; // of a texel that no face covers: it was m
 constexpr double kOrdinaryNoise = 0.02;
 constexpr double kLean = 0.5;        // sine of the angle by which the normals lean that directional light is compared for
 constexpr double kDensity = 8;       // points a luxel
-constexpr double kCancelled = 1e-3;
+constexpr double kCancelled = 1e-3;  // of what is summed along a normal, taking each part as positive: less than that of it is left by chance
 
 struct Texel {
     Rgbd flat;

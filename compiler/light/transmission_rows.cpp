@@ -95,10 +95,8 @@ double Bake::light_through_panes(std::uint64_t ray, std::uint32_t patch) const {
     return mean(sum);
 }
 
-Rgbd Bake::through_panes(Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
+Rgbd Bake::through_panes(std::span<const PaneHit> panes, Vec3 way, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
                          const ReflectedLight& light, Looked* looked, int depth, Rgbd behind) const {
-    std::vector<PaneHit> panes; // its own: what a pane close by reflects asks for more rays
-    scene_.panes(origin, way, far, widths, panes);
     Rgbd sum, through{1, 1, 1};
     // Only the first is looked at closely: were all, rays in a stack of them would multiply with each bounce.
     for (const PaneHit& pane : panes) {
@@ -108,7 +106,7 @@ Rgbd Bake::through_panes(Vec3 origin, Vec3 way, double far, const Widths& widths
         if (emitter != UINT32_MAX && !listed(patch, emitter) && !std::ranges::binary_search(heavy, emitter)) sum += through * emitters_.emitters[emitter].radiance;
         through = through * pane.through;
     }
-    return panes.empty() ? behind : sum + through * behind;
+    return sum + through * behind;
 }
 
 } // namespace kiln
