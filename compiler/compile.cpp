@@ -235,17 +235,18 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 13, kAmbientVersion = 6, kDensityVersion = 2;
+constexpr std::uint32_t kLightVersion = 14, kAmbientVersion = 7, kDensityVersion = 3;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
+    place = all(place, std::string("memo 2"));
     if (const auto bytes = run.store->load(place)) try {
             ByteReader r(*bytes);
             r(memo);
         } catch (const ArchiveError&) { // as good as absent
         }
     Result<T> made = make(&memo);
-    if (made) (void)run.store->save(place, to_bytes(memo)); // not kept: the next run takes nothing over
+    if (made && memo.changed()) (void)run.store->save(place, to_bytes(memo)); // not kept: the next run takes nothing over
     return made;
 }
 Result<Lighting> relight(Hash shape, const LightOptions& options, const CompileRun& run, Context& context, const Compiled& out) {

@@ -35,19 +35,17 @@ struct Air {
     std::function<std::vector<Vec3>(const Box3&, const std::vector<HalfSpace>&)> beside_faces;
     std::function<std::optional<AirHit>(Vec3 origin, Vec3 unit_direction)> closest;
     std::function<bool(Vec3 from, Vec3 to)> clear;                    // symmetric
-    std::function<void(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival&, Looked*)> rest; // all but entity lights
-    // With a memo: cubes gathered in an earlier world of the same geometry. What they depend on, as LightField has it.
-    Memo* memo = nullptr;
-    std::uint64_t state = 0;
-    std::vector<std::uint64_t> part_states;
+    std::function<void(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival&)> rest; // all but entity lights
+    Memo* memo = nullptr; // of an earlier lattice in the same geometry; none: nothing is kept
     std::uint32_t light_count = 0;
     std::function<std::optional<DirectLight>(std::uint32_t light, Vec3 point)> direct;
     std::function<bool(std::uint32_t light, Vec3 point)> light_clear; // does the light reach the point?
     std::function<Rgbd(std::uint32_t light, Vec3 point)> light_through; // what panes on the way leave of one that does; empty: all
 };
 
+// With a memo: what rays met in it is taken over, too.
 Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, const std::vector<Light>& lights,
-           const LightField& field);
+           const LightField& field, Memo* memo = nullptr);
 // The lattice over that air. `place_ambient` is build_lattice(air_of(...)).
 Ambient build_lattice(const Air& air, const AmbientOptions& options, Context& context);
 

@@ -36,18 +36,9 @@ void add(Cube6& cube, Vec3 direction, Rgbd weight) {
 void gather(const Air& air, Vec3 point, std::uint32_t rays, std::uint64_t seed, Gathered& into) {
     const double old_share = double(into.rays) / double(into.rays + rays);
     std::uint64_t half = 0;
-    thread_local Looked looked;
     for (Cube6* side : {&into.a, &into.b}) {
-        const std::uint64_t stream = mix(seed, std::uint64_t(into.rays), half++);
-        const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
-        const std::uint64_t key = air.memo ? mix(air.state, bits(point.x), bits(point.y), bits(point.z), stream, rays) : 0;
         Cube6 sum{};
-        if (const Bytes* kept = air.memo ? air.memo->find(key, air.part_states) : nullptr) {
-            sum = from_bytes<Cube6>(*kept);
-        } else {
-            air.rest(point, rays / 2, stream, [&](Vec3 direction, Rgbd weight) { add(sum, direction, weight); }, air.memo ? &looked : nullptr);
-            if (air.memo) air.memo->keep(key, air.part_states, looked.parts(), to_bytes(sum));
-        }
+        air.rest(point, rays / 2, mix(seed, std::uint64_t(into.rays), half++), [&](Vec3 direction, Rgbd weight) { add(sum, direction, weight); });
         *side = *side * old_share + sum * (1 - old_share);
     }
     into.rays += rays;

@@ -13,7 +13,9 @@ namespace kiln::ambient {
 namespace {
 
 constexpr std::size_t kErrorPoints = 12;     // per cell that may still be refined
-constexpr std::size_t kErrorPointsFinest = 2; // per finest cell: only for the estimate
+constexpr std::size_t kErrorPointsFinest = 2; // per finest cell: only for the estimate, for which
+constexpr std::size_t kErrorCellsFinest = 512; // as many of those that come in one round will do, or
+constexpr std::size_t kErrorShareFinest = 4;   // one in so many where these are more
 constexpr std::uint32_t kErrorRays = 256;    // per point; two halves make the estimate free of their noise
 constexpr std::size_t kMaxSamples = 160;     // of a cell's air
 constexpr std::size_t kMostPlaces = 384;     // beside faces, asked about in one cell
@@ -36,7 +38,8 @@ struct Variant { // becomes one AmbientCell
     Vec3 normal{};
     double distance = 0;
     std::uint32_t beyond = 0, behind = 0; // as in Side
-    template <class A> void fields(A& a) { a(sites, mask, has_plane, normal, distance, beyond, behind); }
+    std::uint32_t own = UINT32_MAX;       // place in Work::own of its cube; none: it has those of the corners in the mask
+    template <class A> void fields(A& a) { a(mask, has_plane, normal, distance, beyond, behind, own); }
 };
 
 enum class State : std::uint8_t { no_air, cell, split };
@@ -50,14 +53,15 @@ struct Work {
     std::vector<Sample> samples;
     std::vector<Vec3> border;               // more of its air, on its faces, edges and corners, seen from the samples
     std::vector<Variant> variants;
-    std::vector<Vec3> own;                  // places of cubes of its own air; variant site UINT32_MAX - 1 - k
+    std::vector<Vec3> own;                  // places of cubes of its own air
     double volume = 0;                      // of its air
+    double stands_for = 0;                  // volume of air whose error it tells
+    bool known = false;                     // from an earlier lattice
     bool measured = false;
     double error2 = 0, noise2 = 0;          // relative, squared, mean over its air
     double spread = 0;                      // variance of error2 as estimated
     std::uint64_t rays = 0;
 };
-constexpr std::uint32_t kOwn = UINT32_MAX - 1; // kOwn - k: own[k], until it has a site
 
 double unit(std::uint64_t hash) { return double(hash >> 11) * 0x1p-53; }
 
@@ -91,18 +95,19 @@ private:
         return mix(options_.seed, std::uint64_t(std::uint32_t(g[0])), std::uint64_t(std::uint32_t(g[1])),
                    std::uint64_t(std::uint32_t(g[2])), what);
     }
-    // What geometry alone decides: of an earlier lattice, or by `run`.
-    template <class Run, class... T> void kept(std::uint64_t key, const Run& run, T&... values) const {
-        if (!air_.memo) return run();
-        if (const Bytes* bytes = air_.memo->find(key, {})) {
-            ByteReader r(*bytes);
-            r(values...);
-            return;
-        }
-        run();
+    // What geometry alone decides: of an earlier lattice, where it is known from there.
+    template <class... T> bool recall(std::uint64_t key, T&... values) const {
+        const auto bytes = air_.memo ? air_.memo->find(key, {}) : std::nullopt;
+        if (!bytes) return false;
+        ByteReader r(*bytes);
+        r(values...);
+        return true;
+    }
+    template <class... T> void keep(std::uint64_t key, const T&... values) const {
+        if (!air_.memo) return;
         ByteWriter w;
         w(values...);
-        air_.memo->keep(key, {}, {}, std::move(w.bytes));
+        air_.memo->keep(key, {}, {}, w.bytes);
     }
     void lay_out();
     void sample(Work& work) const;
@@ -111,6 +116,10 @@ private:
     void light_sites();
     void measure(Work& work) const;
     void measure_cells();
+    struct Sums {
+        double error = 0, variance = 0, air = 0;
+    };
+    Sums sums() const;
     std::vector<std::size_t> worst_cells() const;
     void split(std::size_t w);
     double mean_error2() const;
@@ -297,17 +306,10 @@ void Builder::look(Work& work) const {
         border = std::move(odd);
     }
     for (const Side& side : sides.sides) {
-        Variant v;
-        v.sites.fill(UINT32_MAX);
+        Variant v; // shape() finds its sites
         v.mask = side.common, v.has_plane = side.has_plane, v.normal = side.normal, v.distance = side.distance;
         v.beyond = side.beyond, v.behind = side.behind;
-        if (v.behind) { // shape() fills it in
-            work.variants.push_back(v);
-            continue;
-        }
-        for (unsigned c = 0; c < 8; ++c)
-            if (v.mask >> c & 1) v.sites[c] = work.corners[c];
-        if (!v.mask) { // the place that sees most of this side's air answers for all of it
+        if (!v.behind && !v.mask) { // the place that sees most of this side's air answers for all of it
             std::size_t best = 0, best_seen = 0;
             for (std::size_t i = 0; i < side.samples.size(); ++i) {
                 std::size_t seen = 1;
@@ -316,8 +318,7 @@ void Builder::look(Work& work) const {
                 work.rays += side.samples.size();
                 if (seen > best_seen) best = side.samples[i], best_seen = seen;
             }
-            v.mask = 0xFF;
-            v.sites.fill(kOwn - static_cast<std::uint32_t>(work.own.size()));
+            v.mask = 0xFF, v.own = static_cast<std::uint32_t>(work.own.size());
             work.own.push_back(points[best]);
         }
         work.variants.push_back(v);
@@ -342,13 +343,15 @@ void Builder::split(std::size_t w) {
 void Builder::shape(std::size_t first) {
     while (first < work_.size()) {
         const std::size_t last = work_.size(), first_site = sites_.size();
+        const auto key = [&](const Work& w) { return seed(w.at, mix(0x73u, std::uint64_t(w.size))); };
         parallel_for(context_, last - first, [&](std::size_t i) {
             Work& w = work_[first + i];
-            kept(seed(w.at, mix(0x73u, std::uint64_t(w.size))), [&] { sample(w); }, w.state, w.samples, w.border, w.volume, w.rays);
+            w.known = recall(key(w), w.state, w.samples, w.volume, w.variants, w.own, w.rays);
+            if (!w.known) sample(w);
         });
         for (std::size_t w = first; w < last; ++w) {
             Work& work = work_[w];
-            if (work.state != State::cell) continue;
+            if (work.state == State::no_air) continue;
             for (std::int32_t c = 0; c < 8; ++c) {
                 const Grid g{work.at[0] + (c & 1) * work.size, work.at[1] + (c >> 1 & 1) * work.size,
                              work.at[2] + (c >> 2) * work.size};
@@ -363,14 +366,16 @@ void Builder::shape(std::size_t first) {
         }
         parallel_for(context_, sites_.size() - first_site, [&](std::size_t i) {
             Site& s = sites_[first_site + i];
-            kept(mix(s.seed, 0x74u), [&] { settle(air_, finest_ / 2, s); }, s.position, s.usable, s.invalid_share, s.rays);
+            if (recall(mix(s.seed, 0x74u), s.position, s.usable, s.invalid_share, s.rays)) return;
+            settle(air_, finest_ / 2, s);
+            keep(mix(s.seed, 0x74u), s.position, s.usable, s.invalid_share, s.rays);
         });
         parallel_for(context_, last - first, [&](std::size_t i) {
             Work& w = work_[first + i];
-            if (w.state != State::cell) return;
-            std::uint64_t corners = 0x6Cu;
-            for (const std::uint32_t c : w.corners) corners = mix(corners, c);
-            kept(seed(w.at, mix(corners, std::uint64_t(w.size))), [&] { look(w); }, w.state, w.samples, w.border, w.variants, w.own, w.rays);
+            if (w.known) return;
+            if (w.state == State::cell) look(w);
+            std::erase_if(w.samples, [&](const Sample& s) { return w.state != State::cell || !(s.volume > 0); });
+            keep(key(w), w.state, w.samples, w.volume, w.variants, w.own, w.rays);
         });
         for (std::size_t w = first; w < last; ++w) {
             if (work_[w].state == State::split) {
@@ -378,11 +383,16 @@ void Builder::shape(std::size_t first) {
                 continue;
             }
             for (Variant& v : work_[w].variants) {
-                if (v.behind || v.sites[0] == UINT32_MAX || v.sites[0] <= kOwn - work_[w].own.size()) continue;
-                const std::uint32_t k = kOwn - v.sites[0];
+                v.sites.fill(UINT32_MAX);
+                if (v.behind) continue;
+                if (v.own == UINT32_MAX) {
+                    for (unsigned c = 0; c < 8; ++c)
+                        if (v.mask >> c & 1) v.sites[c] = work_[w].corners[c];
+                    continue;
+                }
                 Site site;
-                site.position = work_[w].own[k], site.usable = true;
-                site.seed = seed(work_[w].at, 1 + std::uint64_t(k) + (std::uint64_t(work_[w].size) << 8));
+                site.position = work_[w].own[v.own], site.usable = true;
+                site.seed = seed(work_[w].at, 1 + std::uint64_t(v.own) + (std::uint64_t(work_[w].size) << 8));
                 v.sites.fill(static_cast<std::uint32_t>(sites_.size()));
                 sites_.push_back(std::move(site));
             }
@@ -432,17 +442,13 @@ void Builder::light_sites() {
 // Relative squared error of the interpolated cube over the cell's air. The cube evaluated at a point carries noise
 // of its own; with two independent halves a, b of it, (i - a).(i - b) has the squared error as its mean.
 void Builder::measure(Work& work) const {
-    work.measured = true;
     const std::size_t most = work.size == 1 ? kErrorPointsFinest : kErrorPoints;
     double truth2 = 0, shown2 = 0, squares = 0;
     work.error2 = work.noise2 = 0;
-    std::vector<std::size_t> inside;
-    for (std::size_t i = 0; i < work.samples.size(); ++i)
-        if (work.samples[i].volume > 0) inside.push_back(i);
-    const std::size_t n = std::min(most, inside.size());
+    const std::size_t n = std::min(most, work.samples.size());
     const Vec3 lo = place(work.at);
     for (std::size_t k = 0; k < n; ++k) {
-        const std::size_t i = inside[(2 * k + 1) * inside.size() / (2 * n)]; // spread over the cell
+        const std::size_t i = (2 * k + 1) * work.samples.size() / (2 * n); // spread over the cell
         const Vec3 p = work.samples[i].point;
         const Variant* v = &work.variants[side_at(work.variants, p)];
         const auto weights = cell_weights(lo, finest_ * work.size, v->mask, p);
@@ -483,41 +489,66 @@ void Builder::measure(Work& work) const {
     }
 }
 
+// Finest cells are measured for the estimate alone: some of them tell of all.
 void Builder::measure_cells() {
-    std::vector<std::size_t> fresh;
-    for (std::size_t w = 0; w < work_.size(); ++w)
-        if (work_[w].state == State::cell && !work_[w].measured) fresh.push_back(w);
+    std::vector<std::size_t> fresh, finest;
+    for (std::size_t w = 0; w < work_.size(); ++w) {
+        if (work_[w].state != State::cell || work_[w].measured) continue;
+        work_[w].measured = true, work_[w].stands_for = work_[w].volume;
+        (work_[w].size == 1 && work_[w].volume > 0 ? finest : fresh).push_back(w);
+    }
+    const auto order = [&](std::size_t w) { return std::pair(seed(work_[w].at, 0x66u), w); };
+    std::ranges::sort(finest, {}, order);
+    const std::size_t asked = std::min(finest.size(), std::max(kErrorCellsFinest, finest.size() / kErrorShareFinest));
+    double all = 0, told = 0;
+    for (std::size_t k = 0; k < finest.size(); ++k) (k < asked ? told : all) += work_[finest[k]].volume;
+    all += told;
+    for (std::size_t k = 0; k < finest.size(); ++k) {
+        Work& work = work_[finest[k]];
+        work.stands_for = k < asked ? work.volume * (all / told) : 0;
+        if (k < asked) fresh.push_back(finest[k]);
+    }
+    std::ranges::sort(fresh);
     parallel_for(context_, "ambient", fresh.size(), [&](std::size_t i) { measure(work_[fresh[i]]); });
 }
 
-double Builder::mean_error2() const {
-    double error = 0, volume = 0, variance = 0;
+// Sums over the air: of relative squared error, of the variance of that sum, and of the air.
+Builder::Sums Builder::sums() const {
+    double finest = 0, finest_air = 0;
     for (const Work& work : work_)
-        if (work.state == State::cell) {
-            error += work.error2 * work.volume, volume += work.volume;
-            variance += work.spread * work.volume * work.volume;
-        }
-    return volume > 0 ? std::max(error + std::sqrt(variance), 0.0) / volume : 0;
+        if (work.state == State::cell && work.size == 1) finest += work.error2 * work.stands_for, finest_air += work.stands_for;
+    Sums s;
+    for (const Work& work : work_) {
+        if (work.state != State::cell) continue;
+        s.error += work.error2 * work.stands_for, s.air += work.stands_for;
+        // One that stands for others, too, differs from them.
+        const double off = work.stands_for > work.volume ? work.error2 - finest / finest_air : 0;
+        s.variance += std::max(work.spread, off * off) * work.stands_for * work.stands_for;
+    }
+    return s;
+}
+
+double Builder::mean_error2() const {
+    const Sums s = sums();
+    return s.air > 0 ? std::max(s.error + std::sqrt(s.variance), 0.0) / s.air : 0;
 }
 
 // The cells of most error times volume, as many as hold what is above the target. Noise of the cubes themselves
 // does not count: smaller cells do not mend it.
 std::vector<std::size_t> Builder::worst_cells() const {
     const double target = options_.error_percent / 100;
-    double excess = 0, variance = 0;
     std::vector<std::pair<double, std::size_t>> order;
     for (std::size_t w = 0; w < work_.size(); ++w) {
         const Work& work = work_[w];
         if (work.state != State::cell) continue;
-        excess += (work.error2 - target * target) * work.volume;
-        variance += work.spread * work.volume * work.volume;
         const double gain = (work.error2 - work.noise2) * work.volume;
         if (work.size > 1 && gain > 0) order.emplace_back(gain, w);
     }
     std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
         return a.first != b.first ? a.first > b.first : a.second < b.second;
     });
-    excess += std::sqrt(variance); // else the loop would stop at the first estimate that comes out low by chance
+    const Sums all = sums();
+    double excess = all.error - target * target * all.air + std::sqrt(all.variance); // else the loop would stop at the first estimate that comes out low by chance
     std::vector<std::size_t> worst;
     for (const auto& [gain, w] : order) {
         if (excess <= 0) break;

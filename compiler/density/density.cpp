@@ -336,7 +336,7 @@ Density Coarsening::run(Context& context, Memo* memo) const {
     std::vector<Made> made(s_.charts.size());
     parallel_for(context, "density", made.size(), [&](std::size_t chart) {
         const std::uint64_t of = memo ? key(chart) : 0;
-        if (const Bytes* kept = memo ? memo->find(of, {}) : nullptr) {
+        if (const auto kept = memo ? memo->find(of, {}) : std::nullopt) {
             made[chart] = from_bytes<Made>(*kept);
             return;
         }

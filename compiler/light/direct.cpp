@@ -24,8 +24,8 @@ struct PatchLights {
 // What a memo keeps of the luxels of a patch, light by light; of a light that no luxel has anything of: nothing.
 struct LuxelDirect {
     static constexpr bool kRawBytes = true;
-    KernelSum sum;
-    double variance = 0;
+    StoredSum sum;
+    float variance = 0;
 };
 struct PatchDirect {
     std::vector<std::uint64_t> refs;
@@ -132,7 +132,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             if (memo_) {
                 key = mix(base_, table_.low, p, radiances, std::bit_cast<std::uint64_t>(estimate_[p]), std::bit_cast<std::uint64_t>(floor_));
                 for (const auto& [bright, i] : strong) key = mix(key, light_ids_[i]);
-                if (const Bytes* kept = memo_->lights.find(key, {})) {
+                if (const auto kept = memo_->lights.find(key, {})) {
                     const PatchLights found = from_bytes<PatchLights>(*kept);
                     emitters[p] = found.emitters, entities[p] = found.entities, rays += found.rays;
                     for (LightRef& r : entities[p]) r.light = strong[r.light].second;
@@ -466,7 +466,7 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     brought_[p].assign(list.size(), 0);
     const std::uint64_t key = memo_ ? mix(base_, table_.low, p, effort_[p], pass) : 0;
     PatchDirect kept, now;
-    if (const Bytes* bytes = memo_ && !luxels.empty() ? memo_->direct.find(key, {}) : nullptr) kept = from_bytes<PatchDirect>(*bytes);
+    if (const auto bytes = memo_ && !luxels.empty() ? memo_->direct.find(key, {}) : std::nullopt) kept = from_bytes<PatchDirect>(*bytes);
     std::vector<std::size_t> found(list.size(), SIZE_MAX); // in `kept`
     bool all_found = kept.refs.size() == list.size();
     for (std::size_t r = 0; memo_ && r < list.size(); ++r) {
@@ -491,14 +491,17 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
             bool dark = true;
             for (std::size_t i = 0; i < n; ++i) {
                 if (footprints[i].empty()) continue;
-                direct_at({&list[r], 1}, footprints[i], p, seed_at(luxel_centroid(surfaces_.luxels[luxels[i]]), pass), kernels[i], &part[i].sum, &now.rays[r], &part[i].variance, divided);
-                dark = dark && part[i].sum.flat == Rgbd{} && part[i].sum.rnm == std::array<Rgbd, 3>{} && part[i].variance == 0;
+                KernelSum sum;
+                double variance = 0;
+                direct_at({&list[r], 1}, footprints[i], p, seed_at(luxel_centroid(surfaces_.luxels[luxels[i]]), pass), kernels[i], &sum, &now.rays[r], &variance, divided);
+                part[i] = {StoredSum(sum), static_cast<float>(variance)};
+                dark = dark && part[i].sum.flat == Rgb{} && part[i].sum.rnm == std::array<Rgb, 3>{} && part[i].variance == 0;
             }
             now.divided[r] = (*divided)[r];
             if (dark) part.clear();
         }
         double brought = 0;
-        for (std::size_t i = 0; i < part.size(); ++i) direct_[luxels[i]] += part[i].sum, variances[i] += part[i].variance, brought += mean(part[i].sum.flat);
+        for (std::size_t i = 0; i < part.size(); ++i) direct_[luxels[i]] += part[i].sum.sum(), variances[i] += static_cast<double>(part[i].variance), brought += mean(static_cast<Rgbd>(part[i].sum.flat));
         if (n) brought_[p][r] = static_cast<float>(brought / static_cast<double>(n));
         (*divided)[r] = now.divided[r], *rays += now.rays[r];
     }

@@ -129,7 +129,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
             const std::uint32_t l = chosen[i], p = luxel_patch_[l];
             const bool encoding = i % 4 == 0;
             const std::uint64_t key = memo_ ? mix(gather_key(p), std::bit_cast<std::uint64_t>(floor_), effort_[p], l, pilots_, static_cast<std::uint64_t>(rough) | std::uint64_t{encoding} << 1) : 0;
-            if (const Bytes* kept = memo_ ? memo_->pilot.find(key, states_coarse_) : nullptr) {
+            if (const auto kept = memo_ ? memo_->pilot.find(key, states_coarse_) : std::nullopt) {
                 results[i] = from_bytes<PilotLuxel>(*kept);
                 continue;
             }

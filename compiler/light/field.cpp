@@ -25,31 +25,18 @@ template <class Visit> void for_each_bilinear(const Surfaces& surfaces, FaceId f
 }
 } // namespace
 
-Rgbd LightField::Data::reflected(const SceneHit& hit, Looked* looked) const {
+std::uint32_t LightField::Data::place_at(const SceneHit& hit) const {
     const Face& face = surfaces.faces[hit.face.at()];
-    std::uint32_t patch = lighting.face_patch[hit.face.at()];
-    if (face.chart.valid()) {
-        const std::uint32_t texel = index.texel_at(hit.face, hit.position);
-        const bool whole = lighting.patch_index[texel] < kMixedPatch;
-        if (looked && whole) looked->at(lighting.patch_index[texel]); // whether it is valid, too
-        if (whole && lighting.valid[texel] == 1) {
-            // Bilinear between luxels that were baked and belong to one patch.
-            Rgbd sum;
-            double weight = 0;
-            for_each_bilinear(surfaces, hit.face, hit.position, [&](std::size_t t, double w) {
-                if (lighting.patch_index[t] >= kMixedPatch) return;
-                if (looked) looked->at(lighting.patch_index[t]);
-                if (lighting.valid[t] != 1) return;
-                sum += static_cast<Rgbd>(texel_reflected[t]) * w, weight += w;
-            });
-            if (weight > 0) return sum / weight;
-        }
-        const std::uint32_t piece = index.piece_at(hit.face, hit.position);
-        patch = piece == UINT32_MAX ? kNoPatch : lighting.piece_patch[piece];
-    }
-    if (patch == kNoPatch) return {};
-    if (looked) looked->at(patch);
-    return static_cast<Rgbd>(patch_reflected[patch]);
+    if (!face.chart.valid()) return static_cast<std::uint32_t>(surfaces.pieces.size()) + hit.face.value;
+    const std::uint32_t luxel = index.luxel_of(index.texel_at(hit.face, hit.position));
+    if (luxel != UINT32_MAX && surfaces.luxels[luxel].piece_count == 1) return surfaces.luxels[luxel].first_piece;
+    const std::uint32_t piece = index.piece_at(hit.face, hit.position);
+    return piece == UINT32_MAX ? FieldBundle::kBlack : piece;
+}
+
+Rgbd LightField::Data::reflected(std::uint32_t place) const {
+    if (place == FieldBundle::kBlack) return {};
+    return place == FieldBundle::kSky ? sky : static_cast<Rgbd>(place_reflected[place]);
 }
 
 std::uint32_t LightField::Data::lights_part(Vec3 x) const {
@@ -58,22 +45,15 @@ std::uint32_t LightField::Data::lights_part(Vec3 x) const {
         const double share = (x[a] - bounds.lo[a]) / std::max(bounds.hi[a] - bounds.lo[a], 1e-9);
         at = at * kBoxes + static_cast<std::uint32_t>(std::clamp(share * kBoxes, 0.0, kBoxes - 1.0));
     }
-    return static_cast<std::uint32_t>(lighting.patches.size()) + at;
+    return static_cast<std::uint32_t>(place_reflected.size()) + at;
 }
 
 std::vector<std::uint64_t> LightField::part_states() const {
     const Data& d = *data_;
-    const Lighting& l = d.lighting;
     std::vector<std::uint64_t> states;
     states.reserve(d.part_count());
-    for (std::size_t p = 0; p < l.patches.size(); ++p) states.push_back(hash_of(std::make_pair(l.patches[p], d.patch_reflected[p])).low);
-    const auto bits = [](float x) { return std::bit_cast<std::uint32_t>(x); };
-    for (std::size_t t = 0; t < l.flat.size(); ++t)
-        if (l.valid[t] == 1 && l.patch_index[t] < kMixedPatch) {
-            const Rgb r = d.texel_reflected[t];
-            std::uint64_t& state = states[l.patch_index[t]];
-            state = mix(state, t, bits(r.x) | std::uint64_t{bits(r.y)} << 32, bits(r.z));
-        }
+    const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
+    for (const Rgb& r : d.place_reflected) states.push_back(mix(bits(r.x) | bits(r.y) << 32, bits(r.z)));
     // Lights that can bring anything to where paths from points of the box may come.
     std::vector<std::uint64_t> ids;
     for (const Light& light : d.lights) ids.push_back(light_id(light));
@@ -86,15 +66,21 @@ std::vector<std::uint64_t> LightField::part_states() const {
             if (light_bound(d.lights[k], center, length(size) / 2 + d.near_reach) > 0) state = mix(state, ids[k]);
         states.push_back(state);
     }
+    states.push_back(emitters_state());
     return states;
 }
 
-std::uint64_t LightField::state() const {
+std::uint64_t LightField::emitters_state() const {
     const Data& d = *data_;
     ByteWriter w;
-    w(d.sky, d.emitters.of_face);
+    w(d.sky);
     for (const Emitter& e : d.emitters.emitters) w(e.radiance);
+    for (const Material& m : d.world.materials) w(m.reflectance);
     return hash_bytes(w.bytes).low;
+}
+
+std::uint64_t LightField::shining_faces() const {
+    return data_->emitters.emitters.empty() ? 0 : hash_of(data_->emitters.of_face).low | 1;
 }
 
 bool LightField::Data::is_near(const SceneHit& hit) const {
@@ -133,18 +119,19 @@ LightField::LightField(const World& world, const Bsp&, const PlaneTable&, const 
     for (const Chart& c : surfaces.charts) d.near_reach = std::max(d.near_reach, (kNearBounces + 1) * kNearLuxels * c.luxel_size);
     for (const Vec3& p : surfaces.positions) // whatever is near a surface lies in there
         for (const double side : {-d.near_reach, d.near_reach}) d.bounds.add(p + Vec3{side, side, side});
-    constexpr double inv_pi = 1 / kPi;
-    d.patch_reflected.resize(lighting.patches.size());
-    for (std::size_t p = 0; p < lighting.patches.size(); ++p)
-        d.patch_reflected[p] = (lighting.radiosity[p] - lighting.patches[p].emission) * static_cast<float>(inv_pi);
-    d.texel_reflected.resize(lighting.flat.size());
+    // Of a luxel that was baked and belongs to one patch its own light, else that of its patch.
+    const auto of_patch = [&](std::uint32_t p) {
+        return p == kNoPatch ? Rgb{} : (lighting.radiosity[p] - lighting.patches[p].emission) * static_cast<float>(1 / kPi);
+    };
+    for (const std::uint32_t p : lighting.piece_patch) d.place_reflected.push_back(of_patch(p));
+    for (const std::uint32_t p : lighting.face_patch) d.place_reflected.push_back(of_patch(p));
     for (const Luxel& l : surfaces.luxels) {
         const Chart& c = surfaces.charts[l.chart.at()];
         const std::size_t texel = c.first_texel + l.y * c.width + l.x;
         const std::uint32_t patch = lighting.patch_index[texel];
-        if (patch < kMixedPatch)
-            d.texel_reflected[texel] = static_cast<Rgb>(static_cast<Rgbd>(lighting.patches[patch].reflectance) *
-                                                        static_cast<Rgbd>(lighting.flat[texel]) * inv_pi);
+        if (patch >= kMixedPatch || lighting.valid[texel] != 1) continue;
+        const Rgbd light = static_cast<Rgbd>(lighting.patches[patch].reflectance) * static_cast<Rgbd>(lighting.flat[texel]) * (1 / kPi);
+        for (std::uint32_t k = 0; k < l.piece_count; ++k) d.place_reflected[l.first_piece + k] = static_cast<Rgb>(light);
     }
 }
 LightField::~LightField() = default;
@@ -182,90 +169,128 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
     }
 }
 
-void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
-                               const Arrival& arrival, Looked* looked, std::vector<Vec3>* bundle) const {
+namespace {
+struct Ways { // of a bundle
+    std::vector<Vec3> direction;
+    std::vector<double> solid; // angle that each stands for
+    Ways(Vec3 normal, std::uint32_t rays, std::uint64_t seed) : direction(rays), solid(rays, 4 * kPi / rays) {
+        const Sobol points(mix(seed, std::uint64_t{22}));
+        const bool free = normal == Vec3{};
+        const Frame frame = free ? Frame{} : frame_around(normal);
+        for (std::uint32_t i = 0; i < rays; ++i) {
+            const Vec2 u = points.pair(i, 0);
+            if (free) {
+                direction[i] = uniform_sphere(u);
+                continue;
+            }
+            const Vec3 local = kFieldMap.direction(u);
+            direction[i] = frame.world(local);
+            solid[i] = 1 / (kFieldMap.density(local.z) * rays);
+        }
+    }
+};
+} // namespace
+
+FieldBundle LightField::bundle(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, Looked* looked) const {
     const Data& d = *data_;
-    const bool free = normal == Vec3{};
     const Vec3 x = d.origin_at(point, normal);
     std::optional<NearLights> lights_near; // of x, where a hit asks for them
     PathTracer tracer{d};
     tracer.looked = looked;
     if (looked) looked->begin(d.part_count());
-    const auto look_near = [&] {
-        if (lights_near) return;
-        lights_near.emplace(d, x), tracer.near = &*lights_near;
-        if (looked) looked->at(d.lights_part(x));
-    };
     rays = std::max(rays, 4u);
-    const Sobol points(mix(seed, std::uint64_t{22}));
-    const Frame frame = free ? Frame{} : frame_around(normal);
-    std::vector<Vec3> origins(rays, x), directions(rays);
-    std::vector<double> solid(rays);
-    for (std::uint32_t i = 0; i < rays; ++i) {
-        const Vec2 u = points.pair(i, 0);
-        if (free) {
-            directions[i] = uniform_sphere(u);
-            solid[i] = 4 * kPi / rays;
-        } else {
-            const Vec3 local = kFieldMap.direction(u);
-            directions[i] = frame.world(local);
-            solid[i] = 1 / (kFieldMap.density(local.z) * rays);
-        }
-    }
+    const Ways ways(normal, rays, seed);
+    const std::vector<Vec3> origins(rays, x);
     std::vector<std::optional<SceneHit>> hits(rays);
-    d.scene.closest(origins, directions, hits);
-    std::vector<Rgbd> radiance(rays);
-    std::vector<std::uint32_t> emitter(rays, UINT32_MAX);
-    struct PaneLight { // of a pane that shines
-        std::uint32_t ray, emitter;
-        Rgbd through;
-    };
-    std::vector<PaneLight> pane_lights;
-    std::vector<Rgbd> through(d.scene.has_panes() ? rays : 0, Rgbd{1, 1, 1}); // of a ray, to the end of it
+    d.scene.closest(origins, ways.direction, hits);
+    FieldBundle out;
+    out.place.resize(rays);
     std::vector<PaneHit> panes;
-    Rgbd total;
     for (std::uint32_t i = 0; i < rays; ++i) {
-        const double k = free ? 0.25 : dot(directions[i], normal); // mean of max(0, cos) over axes
-        Rgbd of_panes;
-        if (!through.empty()) {
-            d.scene.panes(x, directions[i], hits[i] ? hits[i]->distance : 1e30, {.end = std::sqrt(solid[i])}, panes);
+        const Vec3 way = ways.direction[i];
+        Rgbd sum, through{1, 1, 1};
+        bool plain = true;
+        const auto meet = [&](const SceneHit& hit, Rgbd share, Random& random) {
+            if (!d.is_near(hit)) {
+                out.terms.push_back({d.place_at(hit), static_cast<Rgb>(share)});
+                return;
+            }
+            if (!lights_near) {
+                lights_near.emplace(d, x), tracer.near = &*lights_near;
+                if (looked) looked->at(d.lights_part(x)), looked->at(d.emitters_part());
+            }
+            PathTracer::End end;
+            sum += share * tracer.reflected(hit, way, random, &end);
+            if (end.place != FieldBundle::kBlack) out.terms.push_back({end.place, static_cast<Rgb>(share * end.share)});
+            plain = false;
+        };
+        if (d.scene.has_panes()) {
+            d.scene.panes(x, way, hits[i] ? hits[i]->distance : 1e30, {.end = std::sqrt(ways.solid[i])}, panes);
             Random random(mix(seed, i, std::uint64_t{26}));
             for (const PaneHit& pane : panes) {
-                if (pane.opacity > 0) {
-                    const bool is_near = d.is_near(pane.hit);
-                    if (is_near) look_near();
-                    of_panes += through[i] * (is_near ? tracer.reflected(pane.hit, directions[i], random, true) : d.reflected(pane.hit, looked)) * pane.opacity;
-                }
-                if (const std::uint32_t e = d.emitter(pane.hit, directions[i]); e != UINT32_MAX) {
-                    pane_lights.push_back({i, e, through[i]});
-                    total += through[i] * d.emitters.emitters[e].radiance * (solid[i] * k);
-                }
-                through[i] = through[i] * pane.through;
+                if (pane.opacity > 0) meet(pane.hit, through * pane.opacity, random);
+                if (const std::uint32_t e = d.emitter(pane.hit, way); e != UINT32_MAX) out.shining.push_back({i, e, static_cast<Rgb>(through)});
+                through = through * pane.through;
+                plain = false;
             }
         }
         if (!hits[i]) {
-            radiance[i] = d.sky;
+            out.terms.push_back({FieldBundle::kSky, static_cast<Rgb>(through)});
         } else if (!hits[i]->back) {
-            emitter[i] = d.emitter(*hits[i], directions[i]);
+            if (const std::uint32_t e = d.emitter(*hits[i], way); e != UINT32_MAX) out.shining.push_back({i, e, static_cast<Rgb>(through)});
             Random random(mix(seed, i, std::uint64_t{25}));
-            const bool is_near = d.is_near(*hits[i]);
-            if (is_near) look_near();
-            radiance[i] = is_near ? tracer.reflected(*hits[i], directions[i], random, true) : d.reflected(*hits[i], looked);
-            if (emitter[i] != UINT32_MAX) total += (through.empty() ? Rgbd{1, 1, 1} : through[i]) * (d.emitters.emitters[emitter[i]].radiance * (solid[i] * k));
+            meet(*hits[i], through, random);
         }
-        if (!through.empty()) radiance[i] = of_panes + through[i] * radiance[i];
-        total += radiance[i] * (solid[i] * k);
+        const std::size_t before = out.several.empty() ? 0 : out.several.back().end;
+        if (plain) { // one term or none
+            out.place[i] = out.terms.size() > before ? out.terms.back().place : FieldBundle::kBlack;
+            out.terms.resize(before);
+        } else {
+            out.place[i] = FieldBundle::kSeveral;
+            out.several.push_back({static_cast<Rgb>(sum), static_cast<std::uint32_t>(out.terms.size())});
+        }
     }
-    // Emitters whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see
-    // them at all.
+    return out;
+}
+
+std::vector<Rgbd> LightField::reflected(const FieldBundle& bundle) const {
+    const Data& d = *data_;
+    std::vector<Rgbd> radiance;
+    radiance.reserve(bundle.place.size());
+    std::size_t term = 0;
+    auto several = bundle.several.begin();
+    for (const std::uint32_t place : bundle.place) {
+        if (place != FieldBundle::kSeveral) {
+            radiance.push_back(d.reflected(place));
+            continue;
+        }
+        Rgbd sum = static_cast<Rgbd>(several->sum);
+        for (; term < several->end; ++term) sum += static_cast<Rgbd>(bundle.terms[term].share) * d.reflected(bundle.terms[term].place);
+        radiance.push_back(sum), ++several;
+    }
+    return radiance;
+}
+
+// Emitters whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see
+// them at all.
+FieldEmitters LightField::emitters(const FieldBundle& bundle, std::span<const Rgbd> reflected, Vec3 point, Vec3 normal, std::uint64_t seed) const {
+    const Data& d = *data_;
+    FieldEmitters out;
+    const std::vector<Emitter>& all = d.emitters.emitters;
+    if (all.empty()) return out;
+    const bool free = normal == Vec3{};
+    const Vec3 x = d.origin_at(point, normal);
+    const auto rays = static_cast<std::uint32_t>(bundle.place.size());
+    const Ways ways(normal, rays, seed);
+    const auto k = [&](std::uint32_t i) { return ways.solid[i] * (free ? 0.25 : dot(ways.direction[i], normal)); }; // mean of max(0, cos) over axes
+    Rgbd total;
+    for (std::uint32_t i = 0; i < rays; ++i) total += reflected[i] * k(i);
+    std::vector<std::uint8_t> met(all.size());
+    for (const FieldBundle::Shining& s : bundle.shining) total += static_cast<Rgbd>(s.share) * all[s.emitter].radiance * k(s.ray), met[s.emitter] = 1;
     const double e = mean(total), background = e / kPi;
-    std::vector<std::uint8_t> listed(d.emitters.emitters.size()), met(listed.size());
-    for (const std::uint32_t i : emitter)
-        if (i != UINT32_MAX) met[i] = 1;
-    for (const PaneLight& p : pane_lights) met[p.emitter] = 1;
     const std::uint32_t samples = std::clamp(rays / 32, 4u, 64u);
-    for (std::uint32_t i = 0; i < listed.size(); ++i) {
-        const Emitter& emitter_i = d.emitters.emitters[i];
+    for (std::uint32_t i = 0; i < all.size(); ++i) {
+        const Emitter& emitter_i = all[i];
         const double contrast = mean(emitter_i.radiance) - background;
         if (contrast <= 0) continue;
         const double least =
@@ -275,28 +300,39 @@ void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         if (factor <= std::min(0.5, least * least)) continue;
         const Vec3 off = emitter_i.normal * d.scene.push_off();
         const Sobol test(mix(seed, i, std::uint64_t{23})), light(mix(seed, i, std::uint64_t{24}));
-        listed[i] = met[i];
-        for (std::uint32_t k = 0; k < kTestRays && !listed[i]; ++k) {
-            const Vec3 y = d.emitters.point_on(i, test.pair(k, 0)) + off;
+        bool seen = met[i];
+        for (std::uint32_t n = 0; n < kTestRays && !seen; ++n) {
+            const Vec3 y = d.emitters.point_on(i, test.pair(n, 0)) + off;
             if (!free && dot(y - x, normal) <= 0) continue;
-            listed[i] = !d.scene.occluded(x, y);
+            seen = !d.scene.occluded(x, y);
         }
-        if (!listed[i]) continue;
+        if (!seen) continue;
+        out.listed.push_back(i);
         d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
             const Rgbd arrives = d.scene.transmitted(x, y + off, {.end = std::sqrt(emitter_i.area / samples), .end_normal = emitter_i.normal});
             if (!(max_component(arrives) > 0)) return;
             const double share = length(flux);
-            arrival(flux / share, arrives * (emitter_i.radiance * share));
+            out.arrivals.push_back({flux / share, arrives * (emitter_i.radiance * share)});
         });
     }
-    for (const PaneLight& p : pane_lights)
-        if (!listed[p.emitter]) radiance[p.ray] += p.through * d.emitters.emitters[p.emitter].radiance;
-    for (std::uint32_t i = 0; i < rays; ++i) {
-        if (emitter[i] != UINT32_MAX && !listed[emitter[i]])
-            radiance[i] += (through.empty() ? Rgbd{1, 1, 1} : through[i]) * d.emitters.emitters[emitter[i]].radiance;
-        if (max_component(radiance[i]) > 0) arrival(directions[i], radiance[i] * solid[i]);
-    }
-    if (bundle) *bundle = std::move(directions);
+    return out;
+}
+
+void LightField::arriving(const FieldBundle& bundle, std::vector<Rgbd> reflected, const FieldEmitters& emitters, Vec3 normal, std::uint64_t seed,
+                          const Arrival& of_emitters, const Arrival& of_rays) const {
+    for (const FieldEmitters::Arriving& a : emitters.arrivals) of_emitters(a.direction, a.weight);
+    for (const FieldBundle::Shining& s : bundle.shining)
+        if (!std::ranges::binary_search(emitters.listed, s.emitter)) reflected[s.ray] += static_cast<Rgbd>(s.share) * data_->emitters.emitters[s.emitter].radiance;
+    const Ways ways(normal, static_cast<std::uint32_t>(bundle.place.size()), seed);
+    for (std::size_t i = 0; i < reflected.size(); ++i) of_rays(ways.direction[i], reflected[i] * ways.solid[i]);
+}
+
+void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const {
+    const FieldBundle met = bundle(point, normal, rays, seed);
+    const std::vector<Rgbd> radiance = reflected(met);
+    arriving(met, radiance, emitters(met, radiance, point, normal, seed), normal, seed, arrival, [&](Vec3 way, Rgbd weight) {
+        if (max_component(weight) > 0) arrival(way, weight);
+    });
 }
 
 // Radiance of one face as an engine shows it.
@@ -309,7 +345,7 @@ Rgbd LightField::Data::shown(const SceneHit& hit, Vec3 direction) const {
 
 Rgbd LightField::Data::lit(const SceneHit& hit) const {
     const Face& face = surfaces.faces[hit.face.at()];
-    if (!face.chart.valid()) return reflected(hit);
+    if (!face.chart.valid()) return reflected(place_at(hit));
     // Four texels, bilinear; texels of no face left out.
     Rgbd sum;
     double weight = 0;
@@ -317,7 +353,7 @@ Rgbd LightField::Data::lit(const SceneHit& hit) const {
         if (!lighting.valid[t]) return;
         sum += static_cast<Rgbd>(lighting.flat[t]) * w, weight += w;
     });
-    if (!(weight > 0)) return reflected(hit);
+    if (!(weight > 0)) return reflected(place_at(hit));
     const Rgbd rho = face.drawn ? static_cast<Rgbd>(world.materials[face.material.at()].reflectance) : Rgbd{};
     return rho * sum * (1 / (weight * kPi));
 }

@@ -75,6 +75,43 @@ using Arrival = std::function<void(Vec3 direction, Rgbd weight)>;
 
 class Looked; // memo.h
 
+// What the rays of a point met. It depends on geometry; what does not, `Several::sum`, on what is told by `Looked`: so light can be looked up in
+// it again when it has changed.
+struct FieldBundle {
+    static constexpr std::uint32_t kSky = UINT32_MAX, kBlack = UINT32_MAX - 1, kSeveral = UINT32_MAX - 2;
+    struct Term { // a share of what is reflected at a place
+        static constexpr bool kRawBytes = true;
+        std::uint32_t place = kBlack;
+        Rgb share;
+    };
+    struct Several { // of a ray with several terms, or with light that was looked for on the way of its path close by
+        static constexpr bool kRawBytes = true;
+        Rgb sum;
+        std::uint32_t end = 0; // of its terms
+    };
+    struct Shining { // what a ray saw of an emitter
+        static constexpr bool kRawBytes = true;
+        std::uint32_t ray = 0, emitter = 0;
+        Rgb share;
+    };
+    std::vector<std::uint32_t> place; // per ray; kSeveral: the next of `several`
+    std::vector<Several> several;
+    std::vector<Term> terms;
+    std::vector<Shining> shining;
+    template <class A> void fields(A& a) { a(place, several, terms, shining); }
+};
+// Emitters that get rays of their own at a point, ascending, and what these bring.
+struct FieldEmitters {
+    struct Arriving {
+        static constexpr bool kRawBytes = true;
+        Vec3 direction;
+        Rgbd weight;
+    };
+    std::vector<std::uint32_t> listed;
+    std::vector<Arriving> arrivals;
+    template <class A> void fields(A& a) { a(listed, arrivals); }
+};
+
 class LightField {
 public:
     LightField(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
@@ -88,14 +125,19 @@ public:
     void arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const;
     // Only direct light of entities (point, spot, sun), or only the rest.
     void arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, const Arrival& arrival) const;
-    // `looked`: notes which parts of the field it depends on. `bundle`: the ways of its rays; what they bring comes last and in this order,
-    // each at most once.
-    void arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
-                       const Arrival& arrival, Looked* looked = nullptr, std::vector<Vec3>* bundle = nullptr) const;
-    // Hashes of the parts of the field, and of what all light depends on (sky, emitters). Where both are what they were in a field
-    // of the same geometry, arriving_rest gives what it gave.
+    void arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const;
+    // The rest in steps, for who keeps what the rays met. `looked`: notes the parts of the field that it depends on.
+    FieldBundle bundle(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, Looked* looked = nullptr) const;
+    std::vector<Rgbd> reflected(const FieldBundle& bundle) const; // radiance that its rays bring, emitters left out
+    FieldEmitters emitters(const FieldBundle& bundle, std::span<const Rgbd> reflected, Vec3 point, Vec3 normal, std::uint64_t seed) const;
+    // `of_rays` is called for each of the bundle.
+    void arriving(const FieldBundle& bundle, std::vector<Rgbd> reflected, const FieldEmitters& emitters, Vec3 normal, std::uint64_t seed,
+                  const Arrival& of_emitters, const Arrival& of_rays) const;
+    // Hashes of the parts of the field: where those that a bundle looked at are what they were in a field of the same geometry with the same
+    // faces that shine, the bundle is what it was.
     std::vector<std::uint64_t> part_states() const;
-    std::uint64_t state() const;
+    std::uint64_t emitters_state() const; // of the sky, what shines and what materials reflect
+    std::uint64_t shining_faces() const;  // a hash of which do; 0: none
     // Radiance leaving what a ray sees: emission + reflectance/pi * lightmap irradiance, or the sky. For probes.
     // What stands behind panes is seen through them. `width`: of the cone that the ray stands for, a unit of way.
     Rgb radiance(Vec3 origin, Vec3 unit_direction, SceneHit* hit = nullptr, double width = 0) const;

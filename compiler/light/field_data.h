@@ -16,17 +16,19 @@ struct LightField::Data {
     LuxelIndex index;
     EmitterSet emitters;
     Rgbd sky;
-    std::vector<Rgb> texel_reflected, patch_reflected; // radiance
-    // Parts to look at: the patches, then boxes of the world for the lights that reach them.
-    static constexpr std::uint32_t kBoxes = 8; // along each axis
+    std::vector<Rgb> place_reflected; // radiance, by places: pieces of luxels, then faces (which answer where there is no chart)
+    // Parts to look at: places, then boxes of the world for the lights that reach them, then all that shines or reflects.
+    static constexpr std::uint32_t kBoxes = 16; // along each axis
     Box3 bounds{};
-    std::size_t part_count() const { return lighting.patches.size() + kBoxes * kBoxes * kBoxes; }
+    std::size_t part_count() const { return emitters_part() + std::size_t{1}; }
     std::uint32_t lights_part(Vec3 x) const;
+    std::uint32_t emitters_part() const { return static_cast<std::uint32_t>(place_reflected.size()) + kBoxes * kBoxes * kBoxes; }
     double near_reach = 0; // map units: no path leaves a point further than this before the bake answers for it
 
-    // Radiance reflected at a hit: the luxel's, or the patch's where a texel is shared by several.
-    Rgbd reflected(const SceneHit& hit, Looked* looked = nullptr) const;
-    // The same from the lightmap as it is displayed; with what the face emits.
+    // Where a hit lies; of a place radiance reflected there.
+    std::uint32_t place_at(const SceneHit& hit) const;
+    Rgbd reflected(std::uint32_t place) const;
+    // Of a hit, from the lightmap as it is displayed; with what the face emits.
     Rgbd lit(const SceneHit& hit) const;
     Rgbd shown(const SceneHit& hit, Vec3 direction) const;
     // Is a hit so close to where its ray began that the light of its luxel is no good answer?

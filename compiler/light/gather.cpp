@@ -10,8 +10,19 @@ constexpr double kPi = std::numbers::pi;
 double luminance(Rgbd c) {
     return mean(c);
 }
+struct StoredGather {
+    static constexpr bool kRawBytes = true;
+    StoredSum sum;
+    std::array<float, 4> variance{};
+    std::uint32_t rays = 0, escaped = 0, back = 0;
+    StoredGather() = default;
+    explicit StoredGather(const LuxelGather& g)
+        : sum(g.sum), rays(static_cast<std::uint32_t>(g.hits.rays)), escaped(static_cast<std::uint32_t>(g.hits.escaped)), back(static_cast<std::uint32_t>(g.hits.back)) {
+        for (std::size_t j = 0; j < 4; ++j) variance[j] = static_cast<float>(g.variance[j]);
+    }
+};
 struct PatchGather { // what a memo keeps of the luxels of a patch
-    std::vector<LuxelGather> luxels;
+    std::vector<StoredGather> luxels;
     std::vector<std::uint32_t> met;
     template <class A> void fields(A& a) { a(luxels, met); }
 };
@@ -378,7 +389,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
             const std::uint64_t stream = pass == Pass::first ? 4 : 16 + rays_[p];
             const std::uint64_t key = memo_ ? mix(gather_key(p), stream, static_cast<std::uint64_t>(pass == Pass::last)) : 0;
             PatchGather gathered;
-            if (const Bytes* kept = memo_ ? memo_->gather.find(key, states_) : nullptr) {
+            if (const auto kept = memo_ ? memo_->gather.find(key, states_) : std::nullopt) {
                 gathered = from_bytes<PatchGather>(*kept);
             } else {
                 Guide guide;
@@ -387,7 +398,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                     const std::uint32_t l = patch_luxels_[k];
                     const Luxel& luxel = surfaces_.luxels[l];
-                    gathered.luxels.push_back(gather(l, kernel_of(l), guide, map_of(luxel.chart), rays_[p], seed_at(luxel_centroid(luxel), stream),
+                    gathered.luxels.emplace_back(gather(l, kernel_of(l), guide, map_of(luxel.chart), rays_[p], seed_at(luxel_centroid(luxel), stream),
                                                      pass == Pass::last ? nullptr : &gathered.met, {}, memo_ ? &looked : nullptr));
                 }
                 std::ranges::sort(gathered.met);
@@ -398,23 +409,23 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
             double variance = 0;
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
-                const LuxelGather& g = gathered.luxels[k - patch_luxel_first_[p]];
+                const StoredGather& g = gathered.luxels[k - patch_luxel_first_[p]];
                 // Inside something that the exact geometry does not know to be solid (a brush model in a wall):
                 // filled from the neighbours.
-                gathered_there_[l] = g.hits.rays > 0 && 2 * (g.hits.back + (sealed_ ? g.hits.escaped : 0)) <= g.hits.rays;
+                gathered_there_[l] = g.rays > 0 && 2 * (g.back + (sealed_ ? g.escaped : 0)) <= g.rays;
                 if (!gathered_there_[l]) continue;
-                counts[chunk] += g.hits;
-                gathered_[l] = g.sum;
+                counts[chunk] += HitCounts{g.rays, g.escaped, g.back};
+                gathered_[l] = g.sum.sum();
                 KernelSum sum = direct_[l];
-                sum += g.sum;
+                sum += gathered_[l];
                 // The worst of the normals that the light is shown along.
                 const LuxelKernel kernel = kernel_of(l);
                 const std::array<Rgbd, 4> shown = kernel.shown(sum);
                 double relative = 0;
                 for (std::size_t j = 0; j < kernel.shown_count(); ++j) {
                     const double scale = std::max(mean(shown[j]), floor_);
-                    if (scale > 0) relative = std::max(relative, g.variance[j] / (scale * scale));
-                    gathered_variance_[l][j] = g.variance[j] / (kQuarterSpread * kQuarterSpread);
+                    if (scale > 0) relative = std::max(relative, static_cast<double>(g.variance[j]) / (scale * scale));
+                    gathered_variance_[l][j] = static_cast<double>(g.variance[j]) / (kQuarterSpread * kQuarterSpread);
                 }
                 variance += relative / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
             }

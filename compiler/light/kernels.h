@@ -35,6 +35,23 @@ struct KernelSum {
     }
 };
 
+// As it is kept, in a memo or by a bake without one.
+struct StoredSum {
+    static constexpr bool kRawBytes = true;
+    Rgb flat;
+    std::array<Rgb, 3> rnm{};
+    StoredSum() = default;
+    explicit StoredSum(const KernelSum& s) : flat(static_cast<Rgb>(s.flat)) {
+        for (std::size_t i = 0; i < 3; ++i) rnm[i] = static_cast<Rgb>(s.rnm[i]);
+    }
+    KernelSum sum() const {
+        KernelSum s;
+        s.flat = static_cast<Rgbd>(flat);
+        for (std::size_t i = 0; i < 3; ++i) s.rnm[i] = static_cast<Rgbd>(rnm[i]);
+        return s;
+    }
+};
+
 // Tables of one cone of normals (uniform over the cone, weights sum to one).
 class ConeTable {
 public:

@@ -1,4 +1,6 @@
 #include "compiler/light/memo.h"
+#include <algorithm>
+#include <atomic>
 
 namespace kiln {
 namespace {
@@ -24,7 +26,7 @@ std::uint64_t chained(std::uint64_t sum, std::uint64_t state) {
 }
 
 // The states of packed parts taken together; false: these are none.
-bool seen_of(const Bytes& parts, const std::vector<std::uint64_t>& states, std::uint64_t* seen) {
+bool seen_of(std::span<const std::uint8_t> parts, const std::vector<std::uint64_t>& states, std::uint64_t* seen) {
     std::uint64_t sum = parts.size();
     std::int64_t part = 0;
     for (std::size_t i = 0; i < parts.size();) {
@@ -45,45 +47,91 @@ bool seen_of(const Bytes& parts, const std::vector<std::uint64_t>& states, std::
 
 } // namespace
 
+const Memo::Entry* Memo::entry(std::uint64_t key) const {
+    const auto at = std::ranges::lower_bound(entries_, key, {}, &Entry::key);
+    return at == entries_.end() || at->key != key ? nullptr : &*at;
+}
+
 void Memo::begin() {
-    for (Shard& s : shards_) s.was = std::move(s.now), s.now.clear();
-}
-void Memo::end() {
-    for (Shard& s : shards_) s.was.clear();
+    std::uint64_t end = 0;
+    for (const Entry& e : entries_) { // they may come from a file
+        if (e.parts < end || e.value < e.parts || e.end < e.value || e.end > bytes_.size()) entries_.clear();
+        if (entries_.empty()) break;
+        end = e.end;
+    }
+    found_.assign(entries_.size(), 0);
+    for (Shard& s : shards_) s.kept.clear();
 }
 
-const Bytes* Memo::find(std::uint64_t key, const std::vector<std::uint64_t>& states) {
-    Shard& s = shard(key);
-    const std::lock_guard lock(s.mutex);
+std::optional<std::span<const std::uint8_t>> Memo::find(std::uint64_t key, const std::vector<std::uint64_t>& states) {
     std::uint64_t seen = 0;
-    if (const auto again = s.now.find(key); again != s.now.end())
-        return seen_of(again->second.parts, states, &seen) && seen == again->second.seen ? &again->second.value : nullptr;
-    const auto at = s.was.find(key);
-    if (at == s.was.end() || !seen_of(at->second.parts, states, &seen) || seen != at->second.seen) return nullptr;
-    Entry& e = s.now.emplace(key, std::move(at->second)).first->second;
-    s.was.erase(at);
-    e.found = true;
-    return &e.value;
+    {
+        Shard& s = shard(key);
+        const std::lock_guard lock(s.mutex);
+        if (const auto again = s.kept.find(key); again != s.kept.end()) {
+            if (!seen_of(again->second.parts, states, &seen) || seen != again->second.seen) return std::nullopt;
+            return again->second.value;
+        }
+    }
+    const Entry* e = entry(key);
+    if (!e || !seen_of(bytes(e->parts, e->value), states, &seen) || seen != e->seen) return std::nullopt;
+    std::atomic_ref(found_[static_cast<std::size_t>(e - entries_.data())]).store(1, std::memory_order_relaxed);
+    return bytes(e->value, e->end);
 }
 
-void Memo::keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, Bytes value) {
-    Entry e{0, packed(parts), std::move(value)};
+void Memo::keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, const Bytes& value) {
+    Fresh e{0, packed(parts), value};
     if (!seen_of(e.parts, states, &e.seen)) return;
     Shard& s = shard(key);
     const std::lock_guard lock(s.mutex);
-    s.now.insert_or_assign(key, std::move(e));
+    s.kept.insert_or_assign(key, std::move(e));
 }
 
-std::size_t Memo::found() const {
-    std::size_t n = 0;
-    for (const Shard& s : shards_)
-        for (const auto& [key, e] : s.now) n += e.found;
-    return n;
+void Memo::renew(std::uint64_t key, const Bytes& value) {
+    Shard& s = shard(key);
+    const std::lock_guard lock(s.mutex);
+    if (const auto again = s.kept.find(key); again != s.kept.end()) {
+        again->second.value = value;
+    } else if (const Entry* e = entry(key)) {
+        const auto parts = bytes(e->parts, e->value);
+        s.kept.insert_or_assign(key, Fresh{e->seen, Bytes(parts.begin(), parts.end()), value});
+    }
 }
-std::size_t Memo::size() const {
-    std::size_t n = 0;
-    for (const Shard& s : shards_) n += s.now.size();
-    return n;
+
+void Memo::end() {
+    constexpr std::uint64_t kWorthWriting = 20; // one part in so many
+    std::vector<std::pair<std::uint64_t, const Fresh*>> kept;
+    std::uint64_t fresh = 0, all = 0;
+    for (const Shard& s : shards_)
+        for (const auto& [key, e] : s.kept) {
+            kept.emplace_back(key, &e), fresh += e.parts.size() + e.value.size();
+            if (const Entry* old = entry(key)) found_[static_cast<std::size_t>(old - entries_.data())] = 0;
+        }
+    std::ranges::sort(kept);
+    found_count_ = static_cast<std::size_t>(std::ranges::count(found_, 1)), kept_count_ = kept.size();
+    for (std::size_t i = 0; i < entries_.size(); ++i)
+        if (found_[i]) all += entries_[i].end - entries_[i].parts;
+    all += fresh;
+    changed_ = fresh * kWorthWriting > all;
+    if (changed_) {
+        std::vector<Entry> entries;
+        Bytes bytes_now;
+        entries.reserve(size()), bytes_now.reserve(all);
+        const auto put = [&](std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value) {
+            Entry e{key, seen, bytes_now.size(), 0, 0};
+            bytes_now.insert(bytes_now.end(), parts.begin(), parts.end()), e.value = bytes_now.size();
+            bytes_now.insert(bytes_now.end(), value.begin(), value.end()), e.end = bytes_now.size();
+            entries.push_back(e);
+        };
+        std::size_t k = 0;
+        for (std::size_t i = 0; i <= entries_.size(); ++i) {
+            for (; k < kept.size() && (i == entries_.size() || kept[k].first <= entries_[i].key); ++k) put(kept[k].first, kept[k].second->seen, kept[k].second->parts, kept[k].second->value);
+            if (i < entries_.size() && found_[i]) put(entries_[i].key, entries_[i].seen, bytes(entries_[i].parts, entries_[i].value), bytes(entries_[i].value, entries_[i].end));
+        }
+        entries_ = std::move(entries), bytes_ = std::move(bytes_now);
+    }
+    found_.clear();
+    for (Shard& s : shards_) s.kept.clear();
 }
 
 double LightMemo::taken_over() const {

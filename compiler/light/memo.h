@@ -4,6 +4,8 @@
 #include "libs/core/hash.h"
 #include <functional>
 #include <mutex>
+#include <optional>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
@@ -29,43 +31,48 @@ private:
 // Results under a key that stands for everything they are made from but the parts looked at. Any number of threads.
 class Memo {
 public:
-    // What the last run kept is looked up from now on; only what this one finds or keeps is kept again.
+    // What the last run kept is looked up from now on.
     void begin();
-    // The value under `key`, if the parts it was made from have the states that they had then; null: there is none.
-    // Valid until the next begin().
-    const Bytes* find(std::uint64_t key, const std::vector<std::uint64_t>& states);
-    void keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, Bytes value);
-    void end(); // forgets what was not asked for
-    std::size_t found() const; // entries of the last run that this one has
-    std::size_t size() const;
-    template <class A> void fields(A& a) {
-        std::vector<std::pair<std::uint64_t, Entry>> all;
-        for (Shard& s : shards_)
-            for (auto& [key, entry] : s.now) all.emplace_back(key, std::move(entry));
-        for (Shard& s : shards_) s.now.clear();
-        a(all);
-        for (auto& [key, entry] : all) shard(key).now.emplace(key, std::move(entry));
-    }
+    // The value under `key`, if the parts it was made from have the states that they had then. Valid until it is renewed or the run ends.
+    std::optional<std::span<const std::uint8_t>> find(std::uint64_t key, const std::vector<std::uint64_t>& states);
+    void keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, const Bytes& value);
+    void renew(std::uint64_t key, const Bytes& value); // of an entry that was found
+    // What was found or kept is what the next run finds. Where little was kept, all stays as it was: `changed` is false, nothing needs to be
+    // written, and the next run makes that little once more.
+    void end();
+    bool changed() const { return changed_; }
+    std::size_t found() const { return found_count_; } // by the last run, of what there had been
+    std::size_t size() const { return found_count_ + kept_count_; }
+    template <class A> void fields(A& a) { a(entries_, bytes_); }
 
 private:
-    struct Entry {
+    struct Entry { // its parts, as differences, a few bits a byte; then its value
+        static constexpr bool kRawBytes = true;
+        std::uint64_t key = 0, seen = 0, parts = 0, value = 0, end = 0; // the last three: places in bytes_
+    };
+    struct Fresh {
         std::uint64_t seen = 0;
-        Bytes parts, value; // parts: differences, a few bits a byte
-        bool found = false;
-        template <class A> void fields(A& a) { a(seen, parts, value); }
+        Bytes parts, value;
     };
     struct Shard {
         std::mutex mutex;
-        std::unordered_map<std::uint64_t, Entry> was, now;
+        std::unordered_map<std::uint64_t, Fresh> kept;
         Shard() = default;
-        Shard(const Shard& o) : was(o.was), now(o.now) {}
+        Shard(const Shard& o) : kept(o.kept) {}
         Shard& operator=(const Shard& o) {
-            was = o.was, now = o.now;
+            kept = o.kept;
             return *this;
         }
     };
     Shard& shard(std::uint64_t key) { return shards_[key % shards_.size()]; }
+    const Entry* entry(std::uint64_t key) const;
+    std::span<const std::uint8_t> bytes(std::uint64_t from, std::uint64_t to) const { return std::span(bytes_).subspan(from, to - from); }
+    std::vector<Entry> entries_; // by key
+    Bytes bytes_;
+    std::vector<std::uint8_t> found_; // per entry
     std::vector<Shard> shards_ = std::vector<Shard>(64);
+    std::size_t found_count_ = 0, kept_count_ = 0;
+    bool changed_ = false;
 };
 
 // Kept for one geometry: surfaces, and what blocks light or lets it through. Another needs another memo, and other rows.
@@ -76,6 +83,7 @@ struct LightMemo {
     std::function<std::optional<Bytes>(Hash table)> load_rows;
     std::function<void(Hash table, Bytes rows)> save_rows;
     double taken_over() const; // share of what the last bake gathered, 0..1
+    bool changed() const { return lights.changed() || direct.changed() || gather.changed() || pilot.changed(); }
     template <class A> void fields(A& a) { a(lights, direct, gather, pilot); }
 };
 

@@ -20,7 +20,7 @@ struct PathTracer {
     const LightField::Data& d;
     std::uint64_t* rays = nullptr; // counts them, where it is given
     const NearLights* near = nullptr; // none: every light is asked
-    Looked* looked = nullptr;         // notes the patches it meets, with `cached`
+    Looked* looked = nullptr;         // notes what emitters are chosen by, with an end
 
     void count() const {
         if (rays) ++*rays;
@@ -77,9 +77,13 @@ struct PathTracer {
     // against the explicit samples of `choice` by the balance heuristic.
     // Every pane on the way gives its share.
     Rgbd met(const Choice& choice, Vec3 x, Vec3 way, double density, Random& random) const;
-    // Radiance reflected at `hit` towards where the ray came from. `cached`: a vertex further than a luxel or two
-    // from the one before takes what the bake stored there, and the path ends.
-    Rgbd reflected(SceneHit hit, Vec3 came, Random& random, bool cached) const;
+    // Radiance reflected at `hit` towards where the ray came from. With `end`: a vertex further than a luxel or two
+    // from the one before takes what the bake stored there, and the path ends. That is left out of the radiance.
+    struct End {
+        std::uint32_t place = FieldBundle::kBlack; // none
+        Rgbd share;
+    };
+    Rgbd reflected(SceneHit hit, Vec3 came, Random& random, End* end = nullptr) const;
 };
 
 } // namespace kiln

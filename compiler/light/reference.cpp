@@ -20,20 +20,21 @@ NearLights::NearLights(const LightField::Data& d, Vec3 x) {
     }
 }
 
-Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached) const {
+Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, End* end) const {
     Rgbd sum, throughput{1, 1, 1};
     Choice choice;
     for (int bounce = 0; bounce < kMostBounces; ++bounce) {
         const Face& face = d.surfaces.faces[hit.face.at()];
         if (!face.drawn || face.sky) break;
-        if (cached && (bounce >= kNearBounces || !d.is_near(hit))) {
-            sum += throughput * d.reflected(hit, looked);
+        const std::uint32_t place = end ? d.place_at(hit) : FieldBundle::kBlack;
+        if (end && (bounce >= kNearBounces || !d.is_near(hit))) {
+            *end = {place, throughput};
             break;
         }
         Rgbd rho = static_cast<Rgbd>(d.world.materials[face.material.at()].reflectance);
         for (std::size_t c = 0; c < 3; ++c) rho[c] = std::clamp(rho[c], 0.0, 0.99);
         throughput = throughput * rho;
-        if (bounce >= kRouletteFrom && !cached) {
+        if (bounce >= kRouletteFrom && !end) {
             const double survive = std::min(0.95, max_component(throughput));
             if (!(random() < survive)) break;
             throughput *= 1 / survive;
@@ -43,7 +44,8 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, bool cached)
         if (dot(n, came) > 0) n = -n; // the back of a two-sided face
         const Vec3 x = hit.position + n * d.scene.push_off();
         sum += throughput * entities(x, n, random) * (1 / kPi);
-        choice.build(d.emitters, x, n, cached ? 1.5 * mean(d.reflected(hit, looked)) / std::max(mean(rho), 1e-3) : 0);
+        if (looked && end && !d.emitters.emitters.empty() && place != FieldBundle::kBlack) looked->at(place);
+        choice.build(d.emitters, x, n, end ? 1.5 * mean(d.reflected(place)) / std::max(mean(rho), 1e-3) : 0);
         Vec3 way;
         Rgbd weight;
         const double pick = random(), u = random(), v = random();
@@ -108,14 +110,14 @@ Rgbd PathTracer::met(const Choice& choice, Vec3 x, Vec3 way, double density, Ran
         d.scene.panes(x, way, hit ? hit->distance : 1e30, {}, panes);
         for (const PaneHit& pane : panes) {
             sum += through * emitted(pane.hit);
-            if (pane.opacity > 0) sum += through * reflected(pane.hit, way, random, false) * pane.opacity;
+            if (pane.opacity > 0) sum += through * reflected(pane.hit, way, random) * pane.opacity;
             through = through * pane.through;
         }
         if (!(max_component(through) > 0)) return sum;
     }
     if (!hit) return sum + through * d.sky;
     if (hit->back) return sum;
-    const Rgbd radiance = reflected(*hit, way, random, false);
+    const Rgbd radiance = reflected(*hit, way, random);
     return sum + through * (radiance + emitted(*hit));
 }
 

@@ -47,16 +47,28 @@ public:
     template <class... T> void operator()(const T&... values) { (put(values), ...); }
     // Not inlined: GCC 12 takes the growing vector for a fixed one and warns of an overflow that cannot be.
     [[gnu::noinline]] void raw(const void* data, std::size_t size) {
-        if (size == 0) return;
-        const std::size_t old = bytes.size();
-        bytes.resize(old + size);
-        std::memcpy(bytes.data() + old, data, size);
+        if (count_only_) {
+            count_ += size;
+            return;
+        }
+        const auto* from = static_cast<const std::uint8_t*>(data);
+        bytes.insert(bytes.end(), from, from + size);
+    }
+    // How many bytes the values take, which are not written.
+    template <class... T> static std::size_t count(const T&... values) {
+        ByteWriter w;
+        w.count_only_ = true;
+        w(values...);
+        return w.count_;
     }
 
 private:
+    bool count_only_ = false;
+    std::size_t count_ = 0;
     template <class T> void put(const T& v) {
         if constexpr (std::is_same_v<T, bool>) {
-            bytes.push_back(v ? 1 : 0);
+            const std::uint8_t b = v ? 1 : 0;
+            raw(&b, 1);
         } else if constexpr (detail::Raw<T>) {
             raw(&v, sizeof v);
         } else if constexpr (std::is_same_v<T, std::string>) {
@@ -141,6 +153,7 @@ private:
 
 template <class T> Bytes to_bytes(const T& value) {
     ByteWriter w;
+    w.bytes.reserve(ByteWriter::count(value)); // copied once, however large
     w(value);
     return std::move(w.bytes);
 }

@@ -2,6 +2,7 @@
 #include "libs/core/file.h"
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <zstd.h>
 
 namespace kiln {
@@ -52,15 +53,14 @@ bool ContentStore::save(Hash key, std::span<const std::uint8_t> bytes) const {
     header.size = bytes.size();
     header.key = key;
     header.content = hash_bytes(bytes);
-    Bytes out(sizeof header + ZSTD_compressBound(bytes.size()));
-    std::memcpy(out.data(), &header, sizeof header);
-    const std::size_t packed =
-        ZSTD_compress(out.data() + sizeof header, out.size() - sizeof header, bytes.data(), bytes.size(), kLevel);
+    const std::size_t room = ZSTD_compressBound(bytes.size());
+    const auto out = std::make_unique_for_overwrite<std::uint8_t[]>(sizeof header + room); // clearing it would touch it all
+    std::memcpy(out.get(), &header, sizeof header);
+    const std::size_t packed = ZSTD_compress(out.get() + sizeof header, room, bytes.data(), bytes.size(), kLevel);
     if (ZSTD_isError(packed)) return false;
-    out.resize(sizeof header + packed);
     std::error_code error;
     std::filesystem::create_directories(std::filesystem::path(path(key)).parent_path(), error);
-    return static_cast<bool>(write_file(path(key), out));
+    return static_cast<bool>(write_file(path(key), std::span(out.get(), sizeof header + packed)));
 }
 
 } // namespace kiln

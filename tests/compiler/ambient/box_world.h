@@ -99,7 +99,7 @@ inline Air air_of(const BoxWorld& world) {
     air.leaf_of = [&world](Vec3 p) { return world.in_air(p) ? 0u : kNoLeaf; };
     air.closest = [&world](Vec3 o, Vec3 d) { return world.closest(o, d); };
     air.clear = [&world](Vec3 a, Vec3 b) { return world.clear(a, b); };
-    air.rest = [&world](Vec3 p, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival, Looked*) {
+    air.rest = [&world](Vec3 p, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) {
         const auto directions = exact_directions((rays + 11) / 12, seed);
         const double weight = 4 * std::numbers::pi / double(directions.size());
         for (const Vec3& d : directions) {
