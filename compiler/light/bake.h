@@ -249,7 +249,9 @@ private:
         double below = 0, above = 0;      // how far from `square` that of the whole bake may lie, each with 95 %; over all four normals
         double representation = 0;        // of the encoding, over normals of its cone
     };
-    PilotLuxel pilot_luxel(std::uint32_t luxel, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const;
+    bool of_luxels(const Luxel& luxel) const;
+    ReflectedLight coarse_luxels() const;
+    PilotLuxel pilot_luxel(std::uint32_t luxel, const ReflectedLight& coarse, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const;
     // `rough`: noise and patch bias only.
     PilotResult pilot(std::uint32_t one_in, bool rough = false);
     // rRMSE that the noise of the rows makes in gathered light: the same for all luxels that look the same way, so replicates do not see it.

@@ -420,7 +420,8 @@ void Bake::direct_at(std::span<const LightRef> refs, const Footprint& footprint,
                 width /= side;
                 // A part that the horizon of a tilted normal cuts brings more than its mean direction does: next to a wall of sky
                 // with parts as coarse as one point a place allows floors were 5 to 7 % too dark along such normals.
-                const bool cut = ref.is_emitter && share == EmitterSet::Share::solid && !emitters_.is_far(ref.light, middle.position, middle.normal);
+                const auto across = [&](const Emitter& e) { return kernel.bends_over(e.center - middle.position, e.radius + std::sqrt(footprint.area())); };
+                const bool cut = ref.is_emitter && share == EmitterSet::Share::solid && (!emitters_.is_far(ref.light, middle.position, middle.normal) || across(emitters_.emitters[ref.light]));
                 const std::uint32_t each = cut ? kFullView : std::max(1u, std::bit_floor(kFullView / places));
                 KernelSum part;
                 for (std::uint32_t k = 0; k < places; ++k) {

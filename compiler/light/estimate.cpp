@@ -16,7 +16,8 @@ constexpr double kOneSided = 1.6449; // quantile of the normal distribution: 95 
 constexpr std::uint32_t kQuarters = 4;
 // The difference between patches of h and 2 h is 2^order - 1 times the error that those of h make. Where light is smooth the order is 2, where it jumps 1; between
 // 2 h and 4 h it was found to grow 2 to 4 times. The estimate goes by 2, the upper bound by 1.5.
-constexpr double kOrderTwo = 3, kOrderOneAndAHalf = 1.8284271247461903; // 2^order - 1
+// Where patches are luxels already, and twice as large ones put a door or the edge of a shadow together with what is beside it, it was found to grow 2 times: order 1.
+constexpr double kOrderTwo = 3, kOrderOneAndAHalf = 1.8284271247461903, kOrderOne = 1; // 2^order - 1
 // Three contrasts of quarters: an upper bound of a variance is 3 / (0.05 quantile of chi square with 3 degrees) times what they say.
 constexpr double kUpperOfThree = 3 / 0.3518;
 
@@ -46,7 +47,7 @@ Bounds bounds_of_mean(std::span<const double> value, std::span<const double> wei
 } // namespace
 
 // One luxel of the pilot. `encoding`: with what its encoding makes of other normals.
-PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const {
+PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& coarse, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const {
     constexpr int kNormals = 6;
     Guide guide;
     const Luxel& luxel = surfaces_.luxels[l];
@@ -60,15 +61,15 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& close, bool 
     KernelSum sum;
     for (std::uint32_t r = 0; r < kReplicates; ++r) {
         const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
-        std::array<Other, 2> others{{{&coarse_, {}}, {&close, {}}}};
+        std::array<Other, 2> others{{{&coarse, {}}, {&close, {}}}};
         KernelSum direct;
         KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, std::span(others).first(rough ? 1 : 2), looked).sum;
         std::uint64_t shadow = 0;
         direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
         fine += direct, others[0].sum += direct;
         result.value[r] = kernel.shown(fine), result.direct[r] = kernel.shown(direct);
-        const std::array<Rgbd, 4> coarse = kernel.shown(others[0].sum);
-        for (std::size_t k = 0; k < 4; ++k) result.to_coarse[r][k] = coarse[k] - result.value[r][k];
+        const std::array<Rgbd, 4> in_coarse = kernel.shown(others[0].sum);
+        for (std::size_t k = 0; k < 4; ++k) result.to_coarse[r][k] = in_coarse[k] - result.value[r][k];
         if (!rough) {
             direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 2), kernel, &others[1].sum, &shadow, nullptr, nullptr, true);
             const std::array<Rgbd, 4> closely = kernel.shown(others[1].sum);
@@ -104,6 +105,46 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& close, bool 
     return result;
 }
 
+// Is a patch there a single luxel?
+bool Bake::of_luxels(const Luxel& luxel) const {
+    return quality_.patch_size < 2 * surfaces_.charts[luxel.chart.at()].luxel_size;
+}
+
+// The coarse solution with direct light, too, as luxels of twice the size would show it: what smaller luxels would still change. Those of one patch are put together.
+ReflectedLight Bake::coarse_luxels() const {
+    ReflectedLight out = coarse_;
+    std::vector<std::pair<std::array<std::uint32_t, 4>, std::uint32_t>> blocks; // chart, column, row and place of the patch; luxel
+    const auto place = [&](std::uint32_t p) { return static_cast<std::uint32_t>(mix_place(coarse_.place[p], 0, 0)); };
+    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l) {
+        const Luxel& luxel = surfaces_.luxels[l];
+        if (luxel_patch_[l] == kNoPatch) continue;
+        const std::uint32_t side = of_luxels(luxel) ? 1u << 16 : 2; // the coarse patch itself is no larger than two luxels
+        blocks.push_back({{luxel.chart.value, luxel.x / side, luxel.y / side, place(luxel_patch_[l])}, l});
+    }
+    std::ranges::sort(blocks);
+    for (std::size_t i = 0, end = 0; i < blocks.size(); i = end) {
+        while (end < blocks.size() && blocks[end].first == blocks[i].first) ++end;
+        Rgbd sum;
+        double area = 0;
+        const auto texel = [&](std::size_t k) {
+            const Luxel& luxel = surfaces_.luxels[blocks[k].second];
+            const Chart& chart = surfaces_.charts[luxel.chart.at()];
+            return chart.first_texel + luxel.y * chart.width + luxel.x;
+        };
+        for (std::size_t k = i; k < end; ++k) {
+            const double a = surfaces_.luxels[blocks[k].second].area;
+            sum += static_cast<Rgbd>(out.direct[texel(k)]) * a, area += a;
+        }
+        if (!(area > 0)) continue;
+        for (std::size_t k = i; k < end; ++k) {
+            const std::size_t t = texel(k);
+            out.texel[t] = static_cast<Rgb>(static_cast<Rgbd>(out.texel[t]) - static_cast<Rgbd>(out.direct[t]) + sum / area);
+            out.direct[t] = static_cast<Rgb>(sum / area);
+        }
+    }
+    return out;
+}
+
 // Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no
 // reference needed; the same rays looked up in patches of twice the size show how much the patches still matter.
 Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
@@ -115,9 +156,9 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
         if (seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0) chosen.push_back(l);
     }
     // Light of walls close by as if it changed much everywhere: asked for at the very place.
-    ReflectedLight close;
+    ReflectedLight close, coarse;
     if (!rough) {
-        close = reflected_;
+        close = reflected_, coarse = coarse_luxels();
         std::ranges::fill(close.steep, std::uint8_t{1});
     }
     if (memo_) note_states();
@@ -135,7 +176,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
             }
             looked.begin(part_count());
             looked.at(2 * static_cast<std::uint32_t>(patches_.patches.size()) + p); // direct light, too
-            results[i] = pilot_luxel(l, close, rough, encoding, memo_ ? &looked : nullptr);
+            results[i] = pilot_luxel(l, rough ? coarse_ : coarse, close, rough, encoding, memo_ ? &looked : nullptr);
             if (memo_) memo_->pilot.keep(key, states_coarse_, looked.parts(), to_bytes(results[i]));
         }
     });
@@ -165,7 +206,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
             if (k < r.shown) mean_value += r.mean_value[k] * r.area, area += r.area;
         if (!(area > 0)) continue;
         mean_value = mean_value / area;
-        double noise = 0, bias = 0, shortcut = 0, direct = 0;
+        double noise = 0, bias = 0, most_bias = 0, shortcut = 0, direct = 0;
         squares.clear(), weights.clear();
         for (std::size_t i = 0; i < results.size(); ++i) {
             const PilotLuxel& r = results[i];
@@ -189,13 +230,15 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
                 short_by += per * shift_of(r.to_close, k, c);
             }
             noise += variance * r.area;
-            bias += shift * r.area, shortcut += short_by * r.area;
+            const double order = of_luxels(surfaces_.luxels[l]) ? kOrderOne : kOrderOneAndAHalf;
+            bias += shift * r.area, most_bias += shift * r.area * (kOrderTwo * kOrderTwo / (order * order)), shortcut += short_by * r.area;
             squares.push_back(variance + shift + short_by), weights.push_back(r.area);
         }
         noise = std::max(0.0, noise / area), bias = std::max(0.0, bias / area), shortcut = std::max(0.0, shortcut / area), direct /= area;
+        most_bias = std::max(bias, most_bias / area);
         const double square = noise + bias + shortcut;
         const Bounds b = bounds_of_mean(squares, weights, static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)));
-        out.above = std::max(out.above, square + b.above + (kOrderTwo * kOrderTwo / (kOrderOneAndAHalf * kOrderOneAndAHalf) - 1) * bias); // absolute until the worst is known
+        out.above = std::max(out.above, square + b.above + most_bias - bias); // absolute until the worst is known
         if (square <= worst) continue;
         worst = square;
         out.square = square, out.below = std::min(square, b.below);

@@ -11,6 +11,7 @@
 // tilted   l_i = E(b_i).
 #pragma once
 #include "compiler/light/light.h"
+#include <algorithm>
 #include <memory>
 
 namespace kiln {
@@ -84,6 +85,11 @@ struct LuxelKernel {
     const ConeTable* cone = nullptr; // none: flat only
     // The flat kernel and the three directional ones (0 where there is no cone).
     std::array<double, 4> values(Vec3 direction) const;
+    // Does one of them bend over what lies in a ball, as seen from its luxel? Irradiance along the basis does at the horizon of each basis vector.
+    bool bends_over(Vec3 to_center, double radius) const {
+        return cone && encoding == RnmEncoding::tilted &&
+               std::ranges::any_of(kRnmBasis, [&](Vec3 b) { return std::abs(dot(frame.world(b), to_center)) < radius; });
+    }
     // Their integrals over the hemisphere of frame.n.
     std::array<double, 4> integrals() const;
     // Light from `direction` (unit): `weight` = radiance times solid angle.
