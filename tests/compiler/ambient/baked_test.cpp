@@ -1,6 +1,7 @@
 // The cubes of worlds baked by the real stages.
 #include "compiler/ambient/air.h"
 #include "compiler/ambient/cube.h"
+#include "compiler/light/memo.h"
 #include "tests/compiler/ambient/baked_world.h"
 #include <numbers>
 
@@ -111,6 +112,66 @@ TEST(AmbientBaked, NoCubeInsideDetail) {
     ASSERT_FALSE(ambient.cubes.empty());
     for (const AmbientCube& c : ambient.cubes)
         EXPECT_FALSE(c.position.x > 100 && c.position.x < 300 && c.position.y > 100 && c.position.y < 300 && c.position.z < 200);
+}
+
+// What rays met in an earlier world is looked up again under other lights, and the cubes are those of a lattice that knows no other.
+TEST(AmbientBaked, ARebuiltLatticeIsThatOfACleanOne) {
+    struct Edit {
+        const char* name;
+        Vec3 lamp{60, 60, 100};
+        const char* light = "255 255 255 200";
+        Rgb panel{4, 4, 3}, wall{0.5f, 0.4f, 0.3f};
+    };
+    const auto world = [](const Edit& e, bool glazed) {
+        test::WorldBuilder w;
+        const MaterialId wall = w.material("wall", 0, e.wall), panel = w.material("panel", 0, {0.2f, 0.2f, 0.2f}, e.panel);
+        w.room({0, 0, 0}, {320, 192, 128}, 16, wall);
+        w.box({152, 0, 0}, {168, 64, 128}, Contents::solid, {0}, wall), w.box({152, 128, 0}, {168, 192, 128}, Contents::solid, {0}, wall);
+        w.box({240, 80, 120}, {272, 112, 128}, Contents::solid, {0}, panel);
+        if (glazed) {
+            const MaterialId glass = w.material("glass", kTranslucent, {0.2f, 0.3f, 0.2f});
+            w.world.materials[glass.at()].alpha = 0.5f;
+            w.box({158, 64, 0}, {162, 128, 128}, Contents::detail, {0}, glass);
+        }
+        w.point_entity("info_player_start", {40, 40, 40});
+        w.point_entity("light", e.lamp, {{"_light", e.light}});
+        return bake(w);
+    };
+    std::vector<Edit> edits{{.name = "nothing"}};
+    edits.push_back({.name = "brighter", .light = "255 255 255 260"});
+    edits.push_back({.name = "moved", .lamp = {90, 130, 60}});
+    edits.push_back({.name = "panel", .panel = {1, 4, 3}});
+    edits.push_back({.name = "panel out", .panel = {}});
+    edits.push_back({.name = "walls", .wall = {0.3f, 0.4f, 0.5f}});
+    const Edit shining{.name = ""}, dull{.name = "", .panel = {}}; // without emitters a path depends on nothing but the lamps around
+    for (const auto& [glazed, base] : {std::pair{false, shining}, {false, dull}, {true, shining}, {true, dull}}) {
+        const auto first = world(base, glazed);
+        EXPECT_EQ(first->field->scene().has_panes(), glazed);
+        const auto cubes = [&](Baked& b, Memo* memo) {
+            const auto made = place_ambient(b.bsp, b.csg.planes, b.surfaces, b.lights, *b.field, {}, b.context, memo);
+            EXPECT_TRUE(made);
+            return to_bytes(*made);
+        };
+        Memo kept;
+        EXPECT_EQ(cubes(*first, &kept), cubes(*first, nullptr));
+        const std::size_t all = kept.size();
+        kept = from_bytes<Memo>(to_bytes(kept));
+        Memo chain = kept;
+        for (Edit e : edits) {
+            const bool dark = base.panel == Rgb{};
+            if (dark && !(e.panel == shining.panel)) continue;
+            if (dark) e.panel = {};
+            const auto edited = world(e, glazed);
+            const Bytes clean = cubes(*edited, nullptr);
+            Memo memo = kept;
+            EXPECT_EQ(cubes(*edited, &memo), clean) << e.name;
+            EXPECT_EQ(cubes(*edited, &chain), clean) << e.name << ", after those before";
+            if (std::string(e.name) == "nothing") {
+                EXPECT_EQ(memo.found(), all);
+                EXPECT_FALSE(memo.changed());
+            }
+        }
+    }
 }
 
 } // namespace

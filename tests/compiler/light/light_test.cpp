@@ -246,6 +246,41 @@ TEST(Bake, TwoRoomsAgainstThePathTracer) {
     EXPECT_GT(e.solution, 0);
 }
 
+// A lamp far enough away to be one light for the normal, of which the horizon of a tilted one shows a sliver.
+TEST(Bake, ALampAcrossTheHorizonOfABasisVector) {
+    SurfacesBuilder scene;
+    const MaterialId black = scene.material({}), lamp = scene.material({}, {1, 1, 1});
+    scene.rect({0, 32, 48}, {0, 16, 0}, {0, 0, 16}, black, {.luxel = 16}); // towards +x
+    const Vec3 corner{40, 48, 94};
+    scene.rect(corner, {0, 32, 0}, {32, 0, 0}, lamp, {.luxel = 32}); // down
+    for (const double error : {0.5, 2.0}) {
+        const auto b = bake(scene, {.error_percent = error, .encoding = RnmEncoding::tilted, .directional = Directional::all});
+        int seen = 0;
+        for (const Luxel& l : b->scene.surfaces.luxels) {
+            const Chart& chart = b->scene.surfaces.charts[l.chart.at()];
+            const Vec3 middle = center_of(b->scene.surfaces, l);
+            if (l.area < 0.99 || middle.x > 1) continue;
+            ++seen;
+            std::array<double, 4> exact{};
+            constexpr int kPlaces = 16, kPoints = 64;
+            for (int k = 0; k < kPlaces * kPlaces; ++k)
+                for (int q = 0; q < kPoints * kPoints; ++q) {
+                    const Vec3 x = middle + Vec3{0, ((k % kPlaces + 0.5) / kPlaces - 0.5) * 16, ((k / kPlaces + 0.5) / kPlaces - 0.5) * 16};
+                    const Vec3 y = corner + Vec3{(q % kPoints + 0.5) / kPoints * 32, (q / kPoints + 0.5) / kPoints * 32, 0}, to = y - x;
+                    const double r = length(to), weight = to.z / (r * r * r) / r * (32.0 / kPoints) * (32.0 / kPoints) / (kPlaces * kPlaces);
+                    exact[0] += to.x * weight;
+                    for (std::size_t i = 0; i < 3; ++i) exact[i + 1] += std::max(0.0, dot(to, chart.frame.world(kRnmBasis[i]))) * weight;
+                }
+            const std::size_t t = texel_of(b->scene.surfaces, l);
+            EXPECT_NEAR(b->lighting.flat[t].x, exact[0], 0.01 * exact[0]);
+            const double least = *std::ranges::min_element(exact);
+            EXPECT_LT(least, 0.05 * exact[0]) << "the sliver";
+            for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(b->lighting.rnm[t][i].x, exact[i + 1], 0.01 * exact[i + 1] + 1e-3 * exact[0]) << i << " at --error " << error << " of " << exact[0];
+        }
+        EXPECT_EQ(seen, 1);
+    }
+}
+
 // A wall that shines down to the floor before it. Where the horizon of a tilted normal cuts it, that normal gets more than from the mean
 // direction of what is above the floor: with parts as coarse as one point a place it was 5 to 7 % too dark.
 TEST(Bake, WallOfLightNextToLuxelsAlongTiltedNormals) {

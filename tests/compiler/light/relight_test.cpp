@@ -175,6 +175,48 @@ TEST(Relight, FarRoomsAreTakenOver) {
     EXPECT_GT(memo.taken_over(), 0.5);
 }
 
+// What the next run finds is what this one found or kept; where that is little, all stays as it was.
+TEST(Relight, AMemoIsWrittenAgainWhereEnoughOfItIsNew) {
+    const std::vector<std::uint64_t> before{1, 2, 3}, after{1, 2, 4};
+    Memo memo;
+    memo.begin();
+    for (std::uint32_t k = 0; k < 100; ++k) memo.keep(1000 * k, before, {k % 2}, Bytes(10, static_cast<std::uint8_t>(k)));
+    memo.keep(5, before, {0, 2}, Bytes(10, 200));
+    memo.end();
+    EXPECT_TRUE(memo.changed());
+    EXPECT_EQ(memo.size(), 101u);
+    const Bytes stored = to_bytes(memo);
+    const auto value = [](Memo& m, std::uint64_t key, const std::vector<std::uint64_t>& states) {
+        const auto found = m.find(key, states);
+        return found ? int{(*found)[0]} : -1;
+    };
+    memo = from_bytes<Memo>(stored);
+    memo.begin();
+    for (std::uint32_t k = 0; k < 100; ++k) EXPECT_EQ(value(memo, 1000 * k, after), static_cast<int>(k)); // state 2 is none of theirs
+    EXPECT_EQ(value(memo, 5, after), -1);
+    memo.keep(5, after, {0, 2}, Bytes(10, 201));
+    EXPECT_EQ(value(memo, 5, after), 201);
+    memo.end();
+    EXPECT_FALSE(memo.changed());
+    EXPECT_EQ(memo.found(), 100u);
+    EXPECT_EQ(to_bytes(memo), stored);
+    // A tenth renewed; what nobody asks for is forgotten.
+    memo.begin();
+    for (std::uint32_t k = 0; k < 50; ++k) EXPECT_EQ(value(memo, 1000 * k, after), static_cast<int>(k));
+    for (std::uint32_t k = 0; k < 5; ++k) memo.renew(1000 * k, Bytes(10, 255));
+    memo.end();
+    EXPECT_TRUE(memo.changed());
+    memo = from_bytes<Memo>(to_bytes(memo));
+    memo.begin();
+    for (std::uint32_t k = 0; k < 100; ++k) EXPECT_EQ(value(memo, 1000 * k, before), k < 5 ? 255 : k < 50 ? static_cast<int>(k) : -1);
+    // Places that lie about how much there is: as good as empty.
+    Bytes damaged = stored;
+    damaged[8 + 4 * 8] = 255, damaged[8 + 4 * 8 + 5] = 255; // the end of the first entry
+    memo = from_bytes<Memo>(damaged);
+    memo.begin();
+    EXPECT_EQ(value(memo, 1000, before), -1);
+}
+
 // Of other options, other geometry, and of nothing that can be.
 TEST(Relight, AForeignMemoIsOfNoUse) {
     LightMemo memo = empty_memo();
