@@ -346,13 +346,13 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     const auto ambient = stages.run(Stage::ambient, kAmbientVersion, all(lit, *light, options.ambient), places, out.ambient,
                                     [&] {
                                         Memo memo;
-                                        return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, shape, options.light, options.ambient), memo, run,
+                                        return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, field().scene().instruction_set(), shape, options.light, options.ambient), memo, run,
                                                                   [&](Memo* m) { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context, m); });
                                     });
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;
 
-    const auto probes = stages.run(Stage::probes, 3, all(lit, *light, probe_entities_key(world, out.bsp), options.probes), all(places, entity_lines_key(world)), out.probes,
+    const auto probes = stages.run(Stage::probes, 4, all(lit, *light, probe_entities_key(world, out.bsp), options.probes), all(places, entity_lines_key(world)), out.probes,
                                    [&] { return bake_probes(world, out.bsp, out.bsp.planes, out.surfaces, field(), options.probes, context); });
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;

@@ -288,6 +288,7 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
         if (p != kNoPatch) p = parent[p];
     ReflectedLight out = reflected_light(values_at_luxels(surfaces_, edges_, coarse, luxel_parent, coarse_rest), total);
     far_light(parent, coarse, 2 * quality_.patch_size, &out);
+    coarse_patch_ = std::move(parent);
     return out;
 }
 
@@ -389,6 +390,7 @@ std::vector<Rgbd> Bake::solve_patches() {
     bright_.clear();
     for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
     coarse_ = coarse_light(rows_, direct, first);
+    coarse_luxels_ = coarse_luxels();
     if (memo_) note_solution();
     return total;
 }

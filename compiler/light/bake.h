@@ -307,6 +307,8 @@ private:
     ReflectedLight reflected_;
     std::vector<double> bright_;               // per patch: luminance of what it reflects
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
+    std::vector<std::uint32_t> coarse_patch_;  // of each patch, which of those
+    ReflectedLight coarse_luxels_;             // with direct light as luxels of twice the size would show it
     std::vector<KernelSum> gathered_, smoothed_;                  // per luxel: what its rays gathered; with what its neighbours tell
     std::vector<std::array<double, 4>> gathered_variance_;        // of what is shown, by these rays
     std::vector<std::uint8_t> gathered_there_;                    // 0: nothing is known there

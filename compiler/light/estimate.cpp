@@ -113,13 +113,12 @@ bool Bake::of_luxels(const Luxel& luxel) const {
 // The coarse solution with direct light, too, as luxels of twice the size would show it: what smaller luxels would still change. Those of one patch are put together.
 ReflectedLight Bake::coarse_luxels() const {
     ReflectedLight out = coarse_;
-    std::vector<std::pair<std::array<std::uint32_t, 4>, std::uint32_t>> blocks; // chart, column, row and place of the patch; luxel
-    const auto place = [&](std::uint32_t p) { return static_cast<std::uint32_t>(mix_place(coarse_.place[p], 0, 0)); };
+    std::vector<std::pair<std::array<std::uint32_t, 4>, std::uint32_t>> blocks; // chart, column, row and coarse patch; luxel
     for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l) {
         const Luxel& luxel = surfaces_.luxels[l];
         if (luxel_patch_[l] == kNoPatch) continue;
         const std::uint32_t side = of_luxels(luxel) ? 1u << 16 : 2; // the coarse patch itself is no larger than two luxels
-        blocks.push_back({{luxel.chart.value, luxel.x / side, luxel.y / side, place(luxel_patch_[l])}, l});
+        blocks.push_back({{luxel.chart.value, luxel.x / side, luxel.y / side, coarse_patch_[luxel_patch_[l]]}, l});
     }
     std::ranges::sort(blocks);
     for (std::size_t i = 0, end = 0; i < blocks.size(); i = end) {
@@ -132,7 +131,8 @@ ReflectedLight Bake::coarse_luxels() const {
             return chart.first_texel + luxel.y * chart.width + luxel.x;
         };
         for (std::size_t k = i; k < end; ++k) {
-            const double a = surfaces_.luxels[blocks[k].second].area;
+            const Luxel& luxel = surfaces_.luxels[blocks[k].second];
+            const double a = luxel.area * luxel_area(surfaces_, luxel.face);
             sum += static_cast<Rgbd>(out.direct[texel(k)]) * a, area += a;
         }
         if (!(area > 0)) continue;
@@ -156,9 +156,9 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
         if (seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0) chosen.push_back(l);
     }
     // Light of walls close by as if it changed much everywhere: asked for at the very place.
-    ReflectedLight close, coarse;
+    ReflectedLight close;
     if (!rough) {
-        close = reflected_, coarse = coarse_luxels();
+        close = reflected_;
         std::ranges::fill(close.steep, std::uint8_t{1});
     }
     if (memo_) note_states();
@@ -176,7 +176,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
             }
             looked.begin(part_count());
             looked.at(2 * static_cast<std::uint32_t>(patches_.patches.size()) + p); // direct light, too
-            results[i] = pilot_luxel(l, rough ? coarse_ : coarse, close, rough, encoding, memo_ ? &looked : nullptr);
+            results[i] = pilot_luxel(l, rough ? coarse_ : coarse_luxels_, close, rough, encoding, memo_ ? &looked : nullptr);
             if (memo_) memo_->pilot.keep(key, states_coarse_, looked.parts(), to_bytes(results[i]));
         }
     });

@@ -75,8 +75,8 @@ using Arrival = std::function<void(Vec3 direction, Rgbd weight)>;
 
 class Looked; // memo.h
 
-// What the rays of a point met. It depends on geometry; what does not, `Several::sum`, on what is told by `Looked`: so light can be looked up in
-// it again when it has changed.
+// What the rays of a point met. It depends on geometry; `several` and their terms, where light was looked for close by, on what is told by `Looked`,
+// too: so light can be looked up in it again when it has changed.
 struct FieldBundle {
     static constexpr std::uint32_t kSky = UINT32_MAX, kBlack = UINT32_MAX - 1, kSeveral = UINT32_MAX - 2;
     struct Term { // a share of what is reflected at a place

@@ -33,7 +33,8 @@ class Memo {
 public:
     // What the last run kept is looked up from now on.
     void begin();
-    // The value under `key`, if the parts it was made from have the states that they had then. Valid until it is renewed or the run ends.
+    // The value under `key`, if the parts it was made from have the states that they had then. Valid until it is renewed or the run ends: a key is
+    // one thread's at a time.
     std::optional<std::span<const std::uint8_t>> find(std::uint64_t key, const std::vector<std::uint64_t>& states);
     void keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, const Bytes& value);
     void renew(std::uint64_t key, const Bytes& value); // of an entry that was found

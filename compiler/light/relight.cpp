@@ -76,7 +76,7 @@ void Bake::note_solution() {
             read(w, reflected_, p);
             reflects_[p] = hash_bytes(w.bytes).low;
             w.bytes.clear();
-            read(w, coarse_, p);
+            read(w, coarse_, p), read(w, coarse_luxels_, p);
             reflects_coarse_[p] = hash_bytes(w.bytes).low;
         }
     });
