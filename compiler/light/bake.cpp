@@ -518,7 +518,8 @@ Lighting Bake::run() {
     return std::move(out_);
 }
 
-// Texels that no face covers but bilinear filtering may read: means of their baked neighbours, two rings deep.
+// Texels that no face covers but bilinear filtering may read, two rings deep: from what was baked beside them; only where nothing was, from what lies across a corner, which may be
+// the other side of a wall. Between two sides of a wall one texel serves both: what is least off of either, relative to its own light, so that the dark one does not glow.
 void Bake::fill() {
     for (std::size_t c = 0; c < surfaces_.charts.size(); ++c) {
         const Chart& chart = surfaces_.charts[c];
@@ -532,21 +533,24 @@ void Bake::fill() {
                     Rgbd flat;
                     std::array<Rgbd, 3> rnm{};
                     double weight = 0;
-                    for (int dy = -1; dy <= 1; ++dy)
-                        for (int dx = -1; dx <= 1; ++dx) {
-                            const int u = x + dx, v = y + dy;
-                            if (u < 0 || v < 0 || u >= w || v >= h) continue;
-                            const std::uint32_t q = chart.first_texel + static_cast<std::uint32_t>(v * w + u);
-                            if (!out_.valid[q]) continue;
-                            const double k = dx && dy ? 0.5 : 1;
-                            weight += k;
-                            flat += static_cast<Rgbd>(out_.flat[q]) * k;
-                            if (cones_[c])
-                                for (std::size_t i = 0; i < 3; ++i)
-                                    rnm[i] += static_cast<Rgbd>(
-                                                  out_.rnm[out_.rnm_first[c] + (q - chart.first_texel)][i]) *
-                                              k;
-                        }
+                    for (const bool across : {false, true}) {
+                        if (weight > 0) break;
+                        for (int dy = -1; dy <= 1; ++dy)
+                            for (int dx = -1; dx <= 1; ++dx) {
+                                const int u = x + dx, v = y + dy;
+                                if (across != (dx && dy) || u < 0 || v < 0 || u >= w || v >= h) continue;
+                                const std::uint32_t q = chart.first_texel + static_cast<std::uint32_t>(v * w + u);
+                                if (!out_.valid[q]) continue;
+                                const double level = std::max({mean(static_cast<Rgbd>(out_.flat[q])), floor_, 1e-30}), k = 1 / (level * level);
+                                weight += k;
+                                flat += static_cast<Rgbd>(out_.flat[q]) * k;
+                                if (cones_[c])
+                                    for (std::size_t i = 0; i < 3; ++i)
+                                        rnm[i] += static_cast<Rgbd>(
+                                                      out_.rnm[out_.rnm_first[c] + (q - chart.first_texel)][i]) *
+                                                  k;
+                            }
+                    }
                     if (!(weight > 0)) continue;
                     out_.flat[texel] = static_cast<Rgb>(flat / weight);
                     if (cones_[c])

@@ -114,6 +114,24 @@ TEST(AmbientBaked, NoCubeInsideDetail) {
         EXPECT_FALSE(c.position.x > 100 && c.position.x < 300 && c.position.y > 100 && c.position.y < 300 && c.position.z < 200);
 }
 
+// A floor goes on from a lit room into a dark one. At its rim and at the foot of the wall, lookups read texels that no face covers: these have nothing from beyond the wall.
+TEST(FieldBaked, NoLightIsShownAtTheFootOfAWall) {
+    for (const double thick : {16.0, 40.0}) { // luxels under the second are covered whole
+        test::WorldBuilder w;
+        const MaterialId grey = w.material("grey", 0, {0.5f, 0.5f, 0.5f});
+        w.room({0, 0, 0}, {256, 128, 96}, 16, grey);
+        w.box({120, 0, 0}, {120 + thick, 80, 96}, Contents::solid, {0}, grey);
+        w.point_entity("info_player_start", {40, 40, 40});
+        w.point_entity("light", {60, 24, 60}, {{"_light", "255 255 255 200"}});
+        const auto baked = bake(w);
+        const auto shown = [&](double x, double y) { return static_cast<double>(baked->field->radiance({x, y, 10}, {0, 0, -1}).x); };
+        const double foot = 120 + thick + 0.5;
+        const double inside = shown(foot + 16, 24), lit = shown(112, 24);
+        EXPECT_GT(lit, 8 * inside);
+        for (const double y : {0.5, 4.0, 24.0, 40.0}) EXPECT_LT(shown(foot, y), 1.6 * inside) << thick << ": " << y;
+    }
+}
+
 // What rays met in an earlier world is looked up again under other lights, and the cubes are those of a lattice that knows no other.
 TEST(AmbientBaked, ARebuiltLatticeIsThatOfACleanOne) {
     struct Edit {
