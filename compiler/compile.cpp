@@ -239,7 +239,6 @@ constexpr std::uint32_t kLightVersion = 14, kAmbientVersion = 7, kDensityVersion
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
-    place = all(place, std::string("memo 2"));
     if (const auto bytes = run.store->load(place)) try {
             ByteReader r(*bytes);
             r(memo);

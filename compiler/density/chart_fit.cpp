@@ -92,6 +92,12 @@ private:
     double worst(ChartFit& fit) const;
     double worst_of_blocks(const ChartFit& fit) const;
     double change(const double* full, const double* coarse, std::size_t colour) const;
+    // By how much a colour may be off at a place of a quad, tx and ty of the way to the next vertices.
+    double may_at(std::uint32_t i, std::uint32_t j, double tx, double ty, std::size_t colour) const {
+        const std::uint32_t x = std::min(i + 1, vx_ - 1), y = std::min(j + 1, vy_ - 1);
+        const auto may = [&](std::uint32_t a, std::uint32_t b) { return static_cast<double>(may_[3 * vertex(a, b) + colour]); };
+        return (may(i, j) * (1 - tx) + may(x, j) * tx) * (1 - ty) + (may(i, y) * (1 - tx) + may(x, y) * tx) * ty;
+    }
 };
 
 // Whether a grid of n texels along one axis could do, with any number along the other. Along a line between two of its centres what
@@ -164,6 +170,7 @@ template <std::size_t kChannels> std::vector<Axis> Fitting<kChannels>::axes(int 
 // A bound from below: no texels of such a grid bring the largest change over what is allowed under it. The grid through what is shown at its own centres
 // is off by no more than any other is at a place and at the centres around it together.
 template <std::size_t kChannels> double Fitting<kChannels>::best_possible(const Axis& ax, const Axis& ay) const {
+    if (ax.n == 1 || ay.n == 1) return 0; // all places are the middle of one texel, not its centre alone
     const std::size_t n = std::size_t{ax.n} * ay.n;
     std::vector<double> full(n * kChannels), may(n * 3);
     std::vector<std::uint8_t> bound(n); // a face shows the centre
@@ -172,14 +179,10 @@ template <std::size_t kChannels> double Fitting<kChannels>::best_possible(const 
             const double u = std::clamp((i + 0.5 - ax.shift) / ax.scale, 0.0, l_.width + 0.0), v = std::clamp((j + 0.5 - ay.shift) / ay.scale, 0.0, l_.height + 0.0);
             const std::size_t t = std::size_t{j} * ax.n + i;
             const auto qx = std::min(static_cast<std::uint32_t>(2 * u), vx_ - 2), qy = std::min(static_cast<std::uint32_t>(2 * v), vy_ - 2);
-            if (ax.n == 1 || ay.n == 1 || !quad(qx, qy)) continue; // of one texel all places are the middle, not it alone
+            if (!quad(qx, qy)) continue;
             bound[t] = 1;
             lookup<kChannels>(l_.texels.data(), l_.width, read_at(u, l_.width), read_at(v, l_.height), &full[t * kChannels]);
-            const double tx = 2 * u - qx, ty = 2 * v - qy;
-            for (std::size_t c = 0; c < 3; ++c) {
-                const auto a = [&](std::uint32_t x, std::uint32_t y) { return static_cast<double>(may_[3 * vertex(x, y) + c]); };
-                may[3 * t + c] = (a(qx, qy) * (1 - tx) + a(qx + 1, qy) * tx) * (1 - ty) + (a(qx, qy + 1) * (1 - tx) + a(qx + 1, qy + 1) * tx) * ty;
-            }
+            for (std::size_t c = 0; c < 3; ++c) may[3 * t + c] = may_at(qx, qy, 2 * u - qx, 2 * v - qy, c);
         }
     double most = 0;
     std::array<double, kChannels> here{}, between{};
@@ -409,15 +412,8 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) c
             if (!here) continue;
             lookup<kChannels>(l_.texels.data(), l_.width, full_x[i], full_y[j], full.data());
             lookup<kChannels>(f.texels.data(), f.width, x[i], y[j], coarse.data());
-            const double tx = 2 * xs[i].at - hx, ty = 2 * ys[j].at - hy;
-            const std::uint32_t nx = std::min(hx + 1, vx_ - 1), ny = std::min(hy + 1, vy_ - 1);
             for (std::size_t c = 0; c < 3; ++c) {
-                const auto a = [&](std::uint32_t vx, std::uint32_t vy) { return static_cast<double>(may_[3 * vertex(vx, vy) + c]); };
-                double allowed = 0;
-                if (on_x && on_y) allowed = a(hx, hy);
-                else if (on_x) allowed = a(hx, hy) * (1 - ty) + a(hx, ny) * ty;
-                else if (on_y) allowed = a(hx, hy) * (1 - tx) + a(nx, hy) * tx;
-                else allowed = (a(hx, hy) * (1 - tx) + a(nx, hy) * tx) * (1 - ty) + (a(hx, ny) * (1 - tx) + a(nx, ny) * tx) * ty;
+                const double allowed = may_at(hx, hy, 2 * xs[i].at - hx, 2 * ys[j].at - hy, c);
                 const double off = change(full.data(), coarse.data(), c);
                 most = std::max(most, off / allowed);
                 if (most > kFarOff) return most;
