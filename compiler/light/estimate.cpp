@@ -15,9 +15,8 @@ namespace {
 constexpr double kOneSided = 1.6449; // quantile of the normal distribution: 95 %
 constexpr std::uint32_t kQuarters = 4;
 // The difference between patches of h and 2 h is 2^order - 1 times the error that those of h make. Where light is smooth the order is 2, where it jumps 1; between
-// 2 h and 4 h it was found to grow 2 to 4 times. The estimate goes by 2, the upper bound by 1.5.
-// Where patches are luxels already, and twice as large ones put a door or the edge of a shadow together with what is beside it, it was found to grow 2 times: order 1.
-constexpr double kOrderTwo = 3, kOrderOneAndAHalf = 1.8284271247461903, kOrderOne = 1; // 2^order - 1
+// 2 h and 4 h it was found to grow 2 to 4 times: the estimate goes by 2, the upper bound by 1.
+constexpr double kOrderTwo = 3, kOrderOne = 1; // 2^order - 1
 // Three contrasts of quarters: an upper bound of a variance is 3 / (0.05 quantile of chi square with 3 degrees) times what they say.
 constexpr double kUpperOfThree = 3 / 0.3518;
 
@@ -206,7 +205,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
             if (k < r.shown) mean_value += r.mean_value[k] * r.area, area += r.area;
         if (!(area > 0)) continue;
         mean_value = mean_value / area;
-        double noise = 0, bias = 0, most_bias = 0, shortcut = 0, direct = 0;
+        double noise = 0, bias = 0, shortcut = 0, direct = 0;
         squares.clear(), weights.clear();
         for (std::size_t i = 0; i < results.size(); ++i) {
             const PilotLuxel& r = results[i];
@@ -229,13 +228,11 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
                 shift += per * shift_of(r.to_coarse, k, c) / (kOrderTwo * kOrderTwo);
                 short_by += per * shift_of(r.to_close, k, c);
             }
-            noise += variance * r.area;
-            const double order = of_luxels(surfaces_.luxels[l]) ? kOrderOne : kOrderOneAndAHalf;
-            bias += shift * r.area, most_bias += shift * r.area * (kOrderTwo * kOrderTwo / (order * order)), shortcut += short_by * r.area;
+            noise += variance * r.area, bias += shift * r.area, shortcut += short_by * r.area;
             squares.push_back(variance + shift + short_by), weights.push_back(r.area);
         }
         noise = std::max(0.0, noise / area), bias = std::max(0.0, bias / area), shortcut = std::max(0.0, shortcut / area), direct /= area;
-        most_bias = std::max(bias, most_bias / area);
+        const double most_bias = bias * (kOrderTwo * kOrderTwo / (kOrderOne * kOrderOne));
         const double square = noise + bias + shortcut;
         const Bounds b = bounds_of_mean(squares, weights, static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)));
         out.above = std::max(out.above, square + b.above + most_bias - bias); // absolute until the worst is known

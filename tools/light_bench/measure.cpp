@@ -8,6 +8,8 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <malloc.h>
+#include <numbers>
+#include <optional>
 
 namespace kiln::bench {
 namespace {
@@ -81,6 +83,23 @@ std::array<double, 4> noise_of(const Truth& truth) {
     return root_mean_square(truth, [&](std::size_t i, std::size_t d, std::size_t c) { return truth.error[i][d][c]; });
 }
 
+// Where every surface of a closed scene sends the same radiance, E / (1 - albedo), that is what arrives from everywhere: no paths know it as well.
+std::optional<Rgbd> radiance_everywhere(const LightScene& in, const rivals::Scene& scene) {
+    const bool closed = std::ranges::any_of(in.bsp.leaves, &BspLeaf::outside);
+    if (!closed || !in.lights.empty() || scene.trace().has_panes()) return std::nullopt;
+    std::optional<Rgbd> all;
+    for (const Face& face : in.surfaces.faces) {
+        if (!face.drawn) continue;
+        const Material& m = in.world.materials[face.material.at()];
+        Rgbd sent;
+        for (std::size_t c = 0; c < 3; ++c) sent[c] = static_cast<double>(m.emission[c]) / (1 - static_cast<double>(m.reflectance[c]));
+        if (!all) all = sent;
+        for (std::size_t c = 0; c < 3; ++c)
+            if (!(std::abs(sent[c] - (*all)[c]) <= 1e-6 * (*all)[c])) return std::nullopt; // as exact as what files state
+    }
+    return all;
+}
+
 } // namespace
 
 Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Context& context) {
@@ -103,8 +122,13 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
     truth.luxels = draw_luxels(shown, rivals::receivers_of(scene, shown), settings.points);
     const std::vector<rivals::Receiver> receivers = rivals::receivers_of(scene, truth.luxels);
     const std::size_t n = receivers.size();
-    std::vector<Irradiance> sum(n), square(n);
     truth.value.resize(n), truth.error.resize(n);
+    if (const auto radiance = radiance_everywhere(in, scene)) {
+        for (std::size_t i = 0; i < n; ++i)
+            for (std::size_t d = 0; d < 4; ++d) truth.value[i][d] = *radiance * (std::numbers::pi * (1 + dot(receivers[i].directions[d], receivers[i].normal)) / 2);
+        return truth;
+    }
+    std::vector<Irradiance> sum(n), square(n);
     double count = 0;
     for (std::uint32_t round = 0; round < settings.most_rounds; ++round) {
         for (std::uint32_t k = 0; k < settings.replicates; ++k) {

@@ -1,7 +1,8 @@
 // Error and cost of one way to bake one scene.
 //
 // Truth    irradiance along four directions at luxels drawn by area among those that show light, path-traced in
-//          independent rounds until their noise is low; kept on disk under a hash of all it depends on
+//          independent rounds until their noise is low; kept on disk under a hash of all it depends on. In closed form
+//          where all surfaces of a closed scene send the same radiance (furnace)
 // Error    rRMSE: root of the mean square of (value - truth) / max(truth, 2 % of the mean of truth), over luxels and
 //          colour channels, for each of the four directions; "the" error is that of the worst direction. The truth's own
 //          noise is taken out in quadrature and told beside.

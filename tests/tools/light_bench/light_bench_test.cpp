@@ -125,6 +125,31 @@ TEST(LightBench, MeasuresAFurnace) {
     EXPECT_EQ(some.errors.worst, all.errors.worst);
 }
 
+// The same scene known to be closed: no paths, the value itself; with a lamp more there is no such form.
+TEST(LightBench, TruthOfAClosedFurnaceIsExact) {
+    const SurfacesBuilder b = furnace();
+    Bsp closed;
+    closed.leaves.resize(1);
+    closed.leaves[0].outside = true;
+    Context context;
+    const TruthSettings settings{.points = 20, .paths = 16, .replicates = 2, .most_rounds = 1};
+    std::vector<Light> lights;
+    const auto truth = find_truth({"furnace", b.world, closed, b.surfaces, lights}, settings, context);
+    ASSERT_TRUE(truth);
+    ASSERT_EQ(truth->value.size(), 20u);
+    EXPECT_EQ(truth->paths, 0u);
+    for (std::size_t i = 0; i < 20; ++i)
+        for (std::size_t c = 0; c < 3; ++c) {
+            EXPECT_NEAR(truth->value[i][0][c], std::numbers::pi, 1e-6); // albedos are floats
+            for (std::size_t d = 1; d < 4; ++d) EXPECT_NEAR(truth->value[i][d][c], std::numbers::pi * (1 + 1 / std::numbers::sqrt3) / 2, 1e-6);
+            EXPECT_EQ(truth->error[i][1][c], 0);
+        }
+    lights.push_back(point_light(center_of(b.surfaces, b.surfaces.luxels[0]), {1, 1, 1}));
+    const auto lit = find_truth({"furnace", b.world, closed, b.surfaces, lights}, settings, context);
+    ASSERT_TRUE(lit);
+    EXPECT_GT(lit->paths, 0u);
+}
+
 TEST(LightBench, FrontComparesCostAtEqualError) {
     const FrontPoint stored{"a", 5, 4, 100};
     const auto ratio = [&](std::vector<FrontPoint> now) { return cost_ratio(stored, now); };
