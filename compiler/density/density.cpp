@@ -25,39 +25,6 @@ double scene_mean(const Surfaces& s, const Lighting& light) {
     return area > 0 ? sum / area : 0;
 }
 
-// Luxel coordinates of the corners of a triangle of a face with a chart.
-std::array<Vec2, 3> corners_of(const Surfaces& s, std::size_t triangle) {
-    const FaceId face = s.triangle_face[triangle];
-    std::array<Vec2, 3> out;
-    for (std::size_t k = 0; k < 3; ++k)
-        out[k] = s.faces[face.at()].curved() ? s.corners_of(triangle)[k].luxel : luxel_from_world(s, face, s.positions[s.triangles[triangle][k]]);
-    return out;
-}
-
-struct Line { // of an edge, in luxels
-    Vec2 from, to;
-};
-// The edges of each chart at which another one goes on, or the same one elsewhere.
-std::vector<std::vector<Line>> seam_lines(const Surfaces& s) {
-    std::vector<std::vector<Line>> out(s.charts.size());
-    using Key = std::pair<std::uint64_t, ChartId>;
-    std::vector<Key> wanted;
-    const auto edge = [](std::uint32_t a, std::uint32_t b) { return std::uint64_t{std::min(a, b)} << 32 | std::max(a, b); };
-    for (const Seam& seam : s.seams)
-        for (const ChartId c : {seam.chart_a, seam.chart_b}) wanted.emplace_back(edge(seam.from, seam.to), c);
-    std::ranges::sort(wanted);
-    for (std::size_t t = 0; t < s.triangles.size(); ++t) {
-        const ChartId chart = s.faces[s.triangle_face[t].at()].chart;
-        if (!chart.valid()) continue;
-        for (std::size_t k = 0; k < 3; ++k)
-            if (std::ranges::binary_search(wanted, Key{edge(s.triangles[t][k], s.triangles[t][(k + 1) % 3]), chart})) {
-                const std::array<Vec2, 3> corner = corners_of(s, t);
-                out[chart.at()].push_back({corner[k], corner[(k + 1) % 3]});
-            }
-    }
-    return out;
-}
-
 class Coarsening {
 public:
     Coarsening(const Surfaces& s, const Lighting& light, const DensityOptions& options)
@@ -71,7 +38,7 @@ private:
     const Surfaces& s_;
     const Lighting& light_;
     double share_, floor_;
-    std::vector<std::vector<Line>> seams_;
+    std::vector<std::vector<SeamLine>> seams_;
     std::vector<std::uint32_t> first_luxel_; // per chart, and one more
 
     bool directional(std::size_t chart) const { return light_.rnm_first[chart] != UINT32_MAX; }
@@ -147,7 +114,7 @@ std::vector<std::uint8_t> Coarsening::along_seams(const ChartLight& light, std::
     constexpr double kStep = 1.0 / 16, kNear = 1e-3; // luxels
     const std::uint32_t vx = light.vertices_x(), vy = light.vertices_y();
     std::vector<std::uint8_t> out(std::size_t{vx} * vy);
-    for (const Line& line : seams_[chart]) {
+    for (const SeamLine& line : seams_[chart]) {
         const Vec2 along = line.to - line.from;
         const auto steps = static_cast<int>(std::ceil(std::hypot(along.x, along.y) / kStep)) + 1;
         for (int k = 0; k <= steps; ++k) {

@@ -4,7 +4,7 @@
 // chart gets the grid with the fewest texels, chosen along both axes by itself, whose bilinear reconstruction differs from that of
 // all its luxels by no more than a bound, wherever a face is. A face in even light gets one texel.
 //
-// In       surfaces, lighting: at full density, which both keep
+// In       surfaces, lighting: at full density, which both keep; of it the texels (light/shown.h)
 // Out      the grids and their texels; a chart that no coarser grid fits keeps its luxels, gutter included
 // Errors   none of its own
 // Method   least squares of what is shown, checked at every place: NOTES.md

@@ -315,20 +315,10 @@ void Bake::make_patches() {
     while (quality_.row_rays < 2048 && quality_.row_rays * 2 <= per_patch) quality_.row_rays *= 2;
     patch_emitter_.clear();
     for (const Patch& p : patches_.patches) patch_emitter_.push_back(emitters_.of_face[p.face.at()]);
-    luxel_patch_.assign(luxels, kNoPatch);
+    luxel_patch_ = patches_of_luxels(surfaces_, patches_.piece_patch);
     std::vector<std::vector<std::uint32_t>> by_patch(n);
-    for (std::uint32_t l = 0; l < luxels; ++l) {
-        const Luxel& luxel = surfaces_.luxels[l];
-        std::map<std::uint32_t, double> area;
-        double most = -1;
-        for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
-            const std::uint32_t piece = luxel.first_piece + k;
-            const double a = polygon_area(points_of(surfaces_, surfaces_.pieces[piece]));
-            const std::uint32_t patch = patches_.piece_patch[piece];
-            if ((area[patch] += a) > most) most = area[patch], luxel_patch_[l] = patch;
-        }
+    for (std::uint32_t l = 0; l < luxels; ++l)
         if (luxel_patch_[l] != kNoPatch) by_patch[luxel_patch_[l]].push_back(l);
-    }
     patch_luxel_first_.assign(1, 0);
     patch_luxels_.clear();
     for (const auto& list : by_patch) {
@@ -458,7 +448,7 @@ Lighting Bake::run() {
     gathered_.assign(luxels, {}), gathered_variance_.assign(luxels, {}), gathered_there_.assign(luxels, 0);
     std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
     luxel_direct(again);
-    find_beside();
+    beside_ = luxels_beside(surfaces_, edges_, patches_.piece_patch, luxel_patch_);
     smooth();
     double wanted = 0.6 * target;
     const auto gather = [&] {

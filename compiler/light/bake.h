@@ -232,7 +232,6 @@ private:
     std::vector<double> least_cost(const std::vector<double>& variance, double wanted) const;
     void share_rays(double wanted);
     // smooth.cpp
-    void find_beside();
     void smooth();
     void each_gathered(const std::function<void(std::uint32_t)>& body);
     KernelSum light_of(std::uint32_t luxel) const; // all of it, as it is baked

@@ -163,6 +163,26 @@ std::array<Rgbd, 4> LuxelKernel::shown(const KernelSum& sum) const {
     return out;
 }
 
+void follow_flat(RnmEncoding encoding, Rgbd flat, std::array<Rgbd, 3>& rnm) {
+    if (encoding == RnmEncoding::tilted) return;
+    const bool sq = encoding == RnmEncoding::sq;
+    for (std::size_t c = 0; c < 3; ++c) {
+        std::array<double, 3> v{rnm[0][c], rnm[1][c], rnm[2][c]}, sorted = v;
+        const double total = (sq ? 3.0 : std::sqrt(3.0)) * flat[c];
+        double shift = (total - v[0] - v[1] - v[2]) / 3;
+        if (sq) { // the nearest without a negative one, as LuxelKernel::finish
+            std::sort(sorted.begin(), sorted.end(), std::greater<>());
+            double partial = 0;
+            for (std::size_t k = 0; k < 3; ++k) {
+                partial += sorted[k];
+                const double by = (total - partial) / static_cast<double>(k + 1);
+                if (k == 0 || sorted[k] + by > 0) shift = by;
+            }
+        }
+        for (std::size_t i = 0; i < 3; ++i) rnm[i][c] = sq ? std::max(0.0, v[i] + shift) : v[i] + shift;
+    }
+}
+
 Rgbd rnm_evaluate(RnmEncoding encoding, const std::array<Rgb, 3>& stored, Vec3 n) {
     Rgbd e;
     if (encoding == RnmEncoding::sq) {

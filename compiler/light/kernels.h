@@ -110,6 +110,9 @@ struct LuxelKernel {
 };
 constexpr double kTypicalTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30
 
+// The flat value and what the directional ones say for the flat normal are one thing (not under `tilted`): moves these to it, as little as possible.
+void follow_flat(RnmEncoding encoding, Rgbd flat, std::array<Rgbd, 3>& rnm);
+
 // E~ of stored values for a local normal (unit): the run-time formulas.
 Rgbd rnm_evaluate(RnmEncoding encoding, const std::array<Rgb, 3>& stored, Vec3 local_normal);
 

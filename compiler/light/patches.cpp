@@ -272,6 +272,37 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
     return out;
 }
 
+std::vector<std::uint32_t> patches_of_luxels(const Surfaces& surfaces, std::span<const std::uint32_t> piece_patch) {
+    std::vector<std::uint32_t> out(surfaces.luxels.size(), kNoPatch);
+    for (std::size_t l = 0; l < out.size(); ++l) {
+        const Luxel& luxel = surfaces.luxels[l];
+        std::map<std::uint32_t, double> area;
+        double most = -1;
+        for (std::uint32_t piece = luxel.first_piece; piece < luxel.first_piece + luxel.piece_count; ++piece) {
+            const double a = polygon_area(points_of(surfaces, surfaces.pieces[piece]));
+            const std::uint32_t patch = piece_patch[piece];
+            if ((area[patch] += a) > most) most = area[patch], out[l] = patch;
+        }
+    }
+    return out;
+}
+
+std::vector<std::uint8_t> luxels_beside(const Surfaces& surfaces, const PieceEdges& edges, std::span<const std::uint32_t> piece_patch, std::span<const std::uint32_t> luxel_patch) {
+    std::vector<std::uint8_t> out(surfaces.luxels.size());
+    std::vector<std::uint32_t> luxel_of(surfaces.pieces.size(), UINT32_MAX);
+    for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l)
+        for (std::uint32_t k = surfaces.luxels[l].first_piece; k < surfaces.luxels[l].first_piece + surfaces.luxels[l].piece_count; ++k)
+            if (piece_patch[k] == luxel_patch[l]) luxel_of[k] = l;
+    for (const auto& [a, b] : edges) {
+        const std::uint32_t p = luxel_of[a], q = luxel_of[b];
+        if (p == UINT32_MAX || q == UINT32_MAX || surfaces.luxels[p].chart != surfaces.luxels[q].chart) continue;
+        const Luxel &one = surfaces.luxels[p], &other = surfaces.luxels[q];
+        for (std::size_t s = 0; s < kBeside.size(); ++s)
+            if (other.x == one.x + kBeside[s][0] && other.y == one.y + kBeside[s][1]) out[p] |= static_cast<std::uint8_t>(1u << s), out[q] |= static_cast<std::uint8_t>(1u << (s ^ 1));
+    }
+    return out;
+}
+
 std::vector<std::array<std::uint32_t, 2>> touching_patches(const PieceEdges& edges, const PatchTable& table) {
     std::vector<std::array<std::uint32_t, 2>> pairs;
     for (const auto& [a, b] : edges)

@@ -4,6 +4,7 @@
 #pragma once
 #include "compiler/light/light.h"
 #include "libs/sampling/sobol.h"
+#include <array>
 #include <span>
 
 namespace kiln {
@@ -27,6 +28,14 @@ PieceEdges piece_adjacency(const Surfaces& surfaces);
 
 // `h`: wanted patch size, map units.
 PatchTable build_patches(const World& world, const Surfaces& surfaces, const PieceEdges& edges, double h);
+
+// Per luxel the patch of the larger part of it; kNoPatch: it has no pieces. `piece_patch`: of PatchTable.
+std::vector<std::uint32_t> patches_of_luxels(const Surfaces& surfaces, std::span<const std::uint32_t> piece_patch);
+
+// Where the luxels beside one lie.
+inline constexpr std::array<std::array<int, 2>, 4> kBeside{{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
+// Per luxel, a bit for each of these that goes on from it: some piece of theirs shares an edge with one of its own. Of a luxel that a wall cuts, only its larger part counts.
+std::vector<std::uint8_t> luxels_beside(const Surfaces& surfaces, const PieceEdges& edges, std::span<const std::uint32_t> piece_patch, std::span<const std::uint32_t> luxel_patch);
 
 // Patches that share an edge in one plane: each pair once, ascending.
 std::vector<std::array<std::uint32_t, 2>> touching_patches(const PieceEdges& edges, const PatchTable& table);

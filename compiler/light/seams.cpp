@@ -66,7 +66,36 @@ std::vector<std::array<Side, 2>> sides_of_seams(const Surfaces& s) {
     return out;
 }
 
+// Luxel coordinates of the corners of a triangle of a face with a chart.
+std::array<Vec2, 3> corners_of(const Surfaces& s, std::size_t triangle) {
+    const FaceId face = s.triangle_face[triangle];
+    std::array<Vec2, 3> out;
+    for (std::size_t k = 0; k < 3; ++k)
+        out[k] = s.faces[face.at()].curved() ? s.corners_of(triangle)[k].luxel : luxel_from_world(s, face, s.positions[s.triangles[triangle][k]]);
+    return out;
+}
+
 } // namespace
+
+std::vector<std::vector<SeamLine>> seam_lines(const Surfaces& s) {
+    std::vector<std::vector<SeamLine>> out(s.charts.size());
+    using Key = std::pair<std::uint64_t, ChartId>;
+    std::vector<Key> wanted;
+    const auto edge = [](std::uint32_t a, std::uint32_t b) { return std::uint64_t{std::min(a, b)} << 32 | std::max(a, b); };
+    for (const Seam& seam : s.seams)
+        for (const ChartId c : {seam.chart_a, seam.chart_b}) wanted.emplace_back(edge(seam.from, seam.to), c);
+    std::ranges::sort(wanted);
+    for (std::size_t t = 0; t < s.triangles.size(); ++t) {
+        const ChartId chart = s.faces[s.triangle_face[t].at()].chart;
+        if (!chart.valid()) continue;
+        for (std::size_t k = 0; k < 3; ++k)
+            if (std::ranges::binary_search(wanted, Key{edge(s.triangles[t][k], s.triangles[t][(k + 1) % 3]), chart})) {
+                const std::array<Vec2, 3> corner = corners_of(s, t);
+                out[chart.at()].push_back({corner[k], corner[(k + 1) % 3]});
+            }
+    }
+    return out;
+}
 
 std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, const TraceScene& scene, double density, Context& context) {
     constexpr double kHeight = 0.125; // map units over the surfaces, for what stands on them; doors of maps hang no higher over a floor
@@ -283,7 +312,6 @@ private:
     void go_on(Part& part) const;
     void fit_flat(Part& part) const;
     void fit_directional(Part& part) const;
-    void agree(Texel& t) const;
 };
 
 void Matching::prepare(Part& part) const {
@@ -399,27 +427,6 @@ void Matching::go_on(Part& part) const {
     }
 }
 
-// The flat value and what the directional ones say for the flat normal are one thing.
-void Matching::agree(Texel& t) const {
-    if (light_.encoding == RnmEncoding::tilted) return;
-    const bool sq = light_.encoding == RnmEncoding::sq;
-    for (std::size_t c = 0; c < 3; ++c) {
-        std::array<double, 3> v{t.rnm[0][c], t.rnm[1][c], t.rnm[2][c]}, sorted = v;
-        const double total = (sq ? 3.0 : std::sqrt(3.0)) * t.flat[c];
-        double shift = (total - v[0] - v[1] - v[2]) / 3;
-        if (sq) { // the nearest without a negative one, as LuxelKernel::finish
-            std::sort(sorted.begin(), sorted.end(), std::greater<>());
-            double partial = 0;
-            for (std::size_t k = 0; k < 3; ++k) {
-                partial += sorted[k];
-                const double by = (total - partial) / static_cast<double>(k + 1);
-                if (k == 0 || sorted[k] + by > 0) shift = by;
-            }
-        }
-        for (std::size_t i = 0; i < 3; ++i) t.rnm[i][c] = sq ? std::max(0.0, v[i] + shift) : v[i] + shift;
-    }
-}
-
 void Matching::fit_flat(Part& part) const {
     Fit fit;
     for (const std::uint32_t t : part.texels) fit.keep.push_back(keep(t));
@@ -445,7 +452,7 @@ void Matching::fit_flat(Part& part) const {
 }
 
 // What both sides show for three leaning normals of the world. Where the flat light is the same on both sides too that is one
-// condition more than there are numbers to a texel, and `agree` makes them follow it.
+// condition more than there are numbers to a texel, and `follow_flat` makes them follow it.
 void Matching::fit_directional(Part& part) const {
     Fit fit;
     fit.non_negative = light_.encoding != RnmEncoding::dot;
@@ -520,7 +527,7 @@ void Matching::run(std::span<const SeamPoint> points, Context& context) {
             const ChartId chart = part.charts[t];
             light_.flat[part.texels[t]] = static_cast<Rgb>(part.value[t].flat);
             if (!directional(chart)) continue;
-            agree(part.value[t]);
+            follow_flat(light_.encoding, part.value[t].flat, part.value[t].rnm);
             auto& stored = light_.rnm[light_.rnm_first[chart.at()] + (part.texels[t] - s_.charts[chart.at()].first_texel)];
             for (std::size_t m = 0; m < 3; ++m) stored[m] = static_cast<Rgb>(part.value[t].rnm[m]);
         }

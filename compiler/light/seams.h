@@ -19,6 +19,12 @@ struct Bilinear {
 };
 Bilinear bilinear_at(const Chart& chart, Vec2 luxel);
 
+struct SeamLine { // of an edge, in luxels
+    Vec2 from, to;
+};
+// Per chart, its edges at which another one goes on, or the same one elsewhere.
+std::vector<std::vector<SeamLine>> seam_lines(const Surfaces& surfaces);
+
 // A point of an edge between two charts, seen from both.
 struct SeamPoint {
     std::uint32_t seam = 0; // index into Surfaces::seams

@@ -13,7 +13,6 @@ namespace {
 constexpr int kReach = 3; // luxels; windows of 3, 5 and 7 are tried
 constexpr int kSide = 2 * kReach + 1;
 constexpr double kFarthest = 3; // standard deviations of the noise that a luxel is moved at most
-constexpr std::array<std::array<int, 2>, 4> kSteps{{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
 constexpr std::size_t cell(int dx, int dy) {
     return static_cast<std::size_t>((dy + kReach) * kSide + dx + kReach);
 }
@@ -47,22 +46,6 @@ bool inverse(const std::array<double, 6>& m, std::array<double, 6>& out) {
 }
 
 } // namespace
-
-// Which of the four luxels beside each go on from it: some piece of theirs shares an edge with one of its own.
-void Bake::find_beside() {
-    beside_.assign(surfaces_.luxels.size(), 0);
-    std::vector<std::uint32_t> luxel_of(surfaces_.pieces.size(), UINT32_MAX);
-    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
-        for (std::uint32_t k = surfaces_.luxels[l].first_piece; k < surfaces_.luxels[l].first_piece + surfaces_.luxels[l].piece_count; ++k)
-            if (patches_.piece_patch[k] == luxel_patch_[l]) luxel_of[k] = l; // only its larger side is lit
-    for (const auto& [a, b] : edges_) {
-        const std::uint32_t p = luxel_of[a], q = luxel_of[b];
-        if (p == UINT32_MAX || q == UINT32_MAX || surfaces_.luxels[p].chart != surfaces_.luxels[q].chart) continue;
-        const Luxel &one = surfaces_.luxels[p], &other = surfaces_.luxels[q];
-        for (std::size_t s = 0; s < kSteps.size(); ++s)
-            if (other.x == one.x + kSteps[s][0] && other.y == one.y + kSteps[s][1]) beside_[p] |= static_cast<std::uint8_t>(1u << s), beside_[q] |= static_cast<std::uint8_t>(1u << (s ^ 1));
-    }
-}
 
 void Bake::each_gathered(const std::function<void(std::uint32_t)>& body) {
     constexpr std::size_t kPart = 256;
@@ -150,8 +133,8 @@ void Bake::smooth() {
         std::array<std::array<int, 2>, kSide * kSide> todo{};
         std::size_t known = 1;
         for (std::size_t i = 0; i < known; ++i)
-            for (std::size_t s = 0; s < kSteps.size(); ++s) {
-                const int dx = todo[i][0] + kSteps[s][0], dy = todo[i][1] + kSteps[s][1];
+            for (std::size_t s = 0; s < kBeside.size(); ++s) {
+                const int dx = todo[i][0] + kBeside[s][0], dy = todo[i][1] + kBeside[s][1];
                 if (std::max(std::abs(dx), std::abs(dy)) > kReach || window[cell(dx, dy)] != UINT32_MAX || !(beside_[window[cell(todo[i][0], todo[i][1])]] >> s & 1)) continue;
                 const std::uint32_t q = near(l, dx, dy);
                 if (q != UINT32_MAX) window[cell(dx, dy)] = q, todo[known++] = {dx, dy};

@@ -172,7 +172,13 @@ int run(Options& o) {
     for (const std::string& method : o.methods)
         if (const auto names = method_names(); std::ranges::find(names, method) == names.end())
             return console.fail(fault(Exit::usage, "usage", fmt::format("no method is called {}; there are {}", method, fmt::join(names, " "))));
+    if (o.truth.shown) {
+        if (std::ranges::any_of(o.methods, [](const std::string& m) { return m != "kiln" && m != kFlatMethod; }))
+            return console.fail(fault(Exit::usage, "usage", "--shown: other methods have no texels; leave --methods out, or give kiln or kiln-flat"));
+        o.sweep.rivals = false;
+    }
     if (o.quick || o.update) {
+        if (o.truth.shown) return console.fail(fault(Exit::usage, "usage", "--shown: the stored front is one of luxels"));
         if (o.targets.empty()) o.sweep.targets = {20, 10, 5};
         o.sweep.rivals = false, o.sweep.methods.clear();
         o.truth.points = 100, o.truth.most_rounds = 1, o.truth.paths = 1024;
@@ -242,6 +248,7 @@ Command bench_command(CLI::App& app) {
     light->add_option("--worst", o->worst, "List so many luxels that the bake errs most at, with place, face and chart, after each target")->type_name("N");
     light->add_option("--methods", o->methods, fmt::format("Only these: {} (default: all but kiln-flat, the bake of irradiance along the normal alone)", fmt::join(method_names(), ", ")))->delimiter(',')->allow_extra_args(false)->type_name("NAME,...");
     light->add_option("--points", o->truth.points, "Luxels where truth is known, drawn by area (default 300)")->check(CLI::Range(10, 100000))->type_name("N");
+    light->add_flag("--shown", o->truth.shown, "The error of what bilinear filtering of the texels shows at a place in each luxel, instead of that of luxels; of the bake alone");
     light->add_option("--truth-noise", o->truth.noise_percent, "Noise of the truth at which it is good enough, percent, worst direction (default 1)")->check(CLI::Range(0.01, 100.0))->type_name("PERCENT");
     light->add_option("--truth-rounds", o->truth.most_rounds, "At most so many rounds of 8 x 4096 paths a luxel for it (default 8)")->check(CLI::Range(1, 4096))->type_name("N");
     light->add_option("--max-cpu", o->sweep.most_cpu_s, "Settings that would take longer are left out, CPU seconds (default 60)")->check(CLI::Range(0.1, 1e6))->type_name("SECONDS");

@@ -1,4 +1,6 @@
 #include "tools/light_bench/measure.h"
+#include "compiler/light/seams.h"
+#include "compiler/light/shown.h"
 #include "libs/core/file.h"
 #include "libs/core/process.h"
 #include "libs/parallel/parallel.h"
@@ -29,6 +31,13 @@ std::vector<std::uint32_t> draw_luxels(std::span<const std::uint32_t> shown, std
         out.push_back(shown[static_cast<std::size_t>(at)]);
     }
     return out;
+}
+
+// The place in the luxel drawn i-th where `shown` compares.
+Vec3 place_in(const rivals::Receiver& r, std::size_t i) {
+    Random random(mix(std::uint64_t{77}, i));
+    const double u = random(), v = random();
+    return r.footprint.sample({u, v}).position;
 }
 
 // Peak memory since the last reset, kB; 0 where the system does not tell.
@@ -106,11 +115,14 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
     ByteWriter key;
     key(kTruthVersion, hash_of(in.surfaces), hash_of(in.world.materials), hash_of(in.lights), settings.points, settings.paths, settings.replicates, settings.most_rounds,
         settings.noise_percent);
+    if (settings.shown) key(settings.shown);
     const std::string file = settings.cache.empty() ? "" : fmt::format("{}/{}.{}.truth", settings.cache, in.name, to_hex(hash_bytes(key.bytes)));
     if (std::error_code ignored; !file.empty() && std::filesystem::exists(file, ignored)) {
         if (const auto bytes = read_file(file)) {
             try {
-                return from_bytes<Truth>(*bytes);
+                Truth kept = from_bytes<Truth>(*bytes);
+                kept.shown_places = settings.shown;
+                return kept;
             } catch (const ArchiveError&) { // cut short: as good as absent
             }
         }
@@ -120,7 +132,9 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
     Truth truth;
     truth.shown = static_cast<std::uint32_t>(shown.size());
     truth.luxels = draw_luxels(shown, rivals::receivers_of(scene, shown), settings.points);
-    const std::vector<rivals::Receiver> receivers = rivals::receivers_of(scene, truth.luxels);
+    std::vector<rivals::Receiver> receivers = rivals::receivers_of(scene, truth.luxels);
+    truth.shown_places = settings.shown;
+    for (std::size_t i = 0; settings.shown && i < receivers.size(); ++i) receivers[i].point = place_in(receivers[i], i), receivers[i].footprint = Footprint();
     const std::size_t n = receivers.size();
     truth.value.resize(n), truth.error.resize(n);
     if (const auto radiance = radiance_everywhere(in, scene)) {
@@ -204,13 +218,35 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
     if (context.threads == 1) m.traced = static_cast<double>(TraceScene::traced() - traced);
     m.estimate = baked->error.estimate, m.low = baked->error.low, m.high = baked->error.high;
     m.own_noise = std::hypot(baked->error.noise, baked->error.solution), m.own_bias = std::hypot(baked->error.patch_bias, baked->error.shortcuts);
-    for (const std::uint32_t l : truth.luxels) {
-        const Luxel& luxel = in.surfaces.luxels[l];
-        const Chart& chart = in.surfaces.charts[luxel.chart.at()];
-        const std::uint32_t in_chart = luxel.y * chart.width + luxel.x;
-        Irradiance e{static_cast<Rgbd>(baked->flat[chart.first_texel + in_chart])};
-        for (std::size_t k = 0; !flat && k < 3; ++k) e[k + 1] = static_cast<Rgbd>(baked->rnm[baked->rnm_first[luxel.chart.at()] + in_chart][k]);
-        m.values.push_back(e);
+    const auto texel = [&](const Lighting& light, ChartId chart, std::uint32_t at) {
+        Irradiance e{static_cast<Rgbd>(light.flat[at])};
+        for (std::size_t k = 0; !flat && k < 3; ++k) e[k + 1] = static_cast<Rgbd>(light.rnm[light.rnm_first[chart.at()] + (at - in.surfaces.charts[chart.at()].first_texel)][k]);
+        return e;
+    };
+    if (truth.shown_places) {
+        const Result<Lighting> shown = fit_shown(in.surfaces, *baked, context);
+        if (!shown) {
+            m.skipped = shown.fault().diagnostic.message;
+            return m;
+        }
+        const rivals::Scene scene(in.world, in.surfaces, in.lights);
+        const std::vector<rivals::Receiver> receivers = rivals::receivers_of(scene, truth.luxels);
+        for (std::size_t i = 0; i < truth.luxels.size(); ++i) {
+            const Luxel& luxel = in.surfaces.luxels[truth.luxels[i]];
+            const Bilinear read = bilinear_at(in.surfaces.charts[luxel.chart.at()], luxel_from_world(in.surfaces, luxel.face, place_in(receivers[i], i)));
+            Irradiance e{};
+            for (std::size_t k = 0; k < 4; ++k) {
+                const Irradiance v = texel(*shown, luxel.chart, read.texel[k]);
+                for (std::size_t d = 0; d < 4; ++d) e[d] += v[d] * read.weight[k];
+            }
+            m.values.push_back(e);
+        }
+    } else {
+        for (const std::uint32_t l : truth.luxels) {
+            const Luxel& luxel = in.surfaces.luxels[l];
+            const Chart& chart = in.surfaces.charts[luxel.chart.at()];
+            m.values.push_back(texel(*baked, luxel.chart, chart.first_texel + luxel.y * chart.width + luxel.x));
+        }
     }
     m.errors = compare(truth, m.values, flat ? 1 : 4);
     return m;

@@ -2,7 +2,8 @@
 //
 // Truth    irradiance along four directions at luxels drawn by area among those that show light, path-traced in
 //          independent rounds until their noise is low; kept on disk under a hash of all it depends on. In closed form
-//          where all surfaces of a closed scene send the same radiance (furnace)
+//          where all surfaces of a closed scene send the same radiance (furnace).
+//          `shown`: at a place in each of these luxels, for what bilinear filtering shows there
 // Error    rRMSE: root of the mean square of (value - truth) / max(truth, 2 % of the mean of truth), over luxels and
 //          colour channels, for each of the four directions; "the" error is that of the worst direction. The truth's own
 //          noise is taken out in quadrature and told beside.
@@ -32,12 +33,14 @@ struct TruthSettings {
     std::uint32_t most_rounds = 8;
     double noise_percent = 1;       // stop where the worst direction has less
     std::string cache;              // folder; empty: none
+    bool shown = false;             // at a place in each luxel instead of its mean
 };
 struct Truth {
     std::vector<std::uint32_t> luxels;            // luxels of the scene, ascending; one may stand twice
     std::vector<rivals::Irradiance> value, error; // error: standard
     std::uint32_t shown = 0;                      // luxels of the scene that show light
     std::uint64_t paths = 0;                      // a luxel
+    bool shown_places = false;                    // of places, not of luxels; not kept
     template <class A> void fields(A& a) { a(luxels, value, error, shown, paths); }
 };
 Result<Truth> find_truth(const LightScene& scene, const TruthSettings& settings, Context& context);

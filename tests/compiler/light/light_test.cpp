@@ -242,7 +242,7 @@ TEST(Bake, TwoRoomsAgainstThePathTracer) {
     EXPECT_NEAR(e.estimate, std::sqrt(parts), 1e-9);
     EXPECT_LT(e.low, e.estimate);
     EXPECT_GT(e.high, 1.02 * e.estimate);
-    EXPECT_LT(e.high, 2 * e.estimate);
+    EXPECT_LT(e.high, 3 * e.estimate); // were it patch bias alone, which may fall with h as it may with its square
     EXPECT_GT(e.solution, 0);
 }
 

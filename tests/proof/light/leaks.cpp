@@ -1,4 +1,5 @@
 #include "tests/proof/light/leaks.h"
+#include "compiler/light/shown.h"
 #include "compiler/ambient/ambient.h"
 #include "compiler/light/field.h"
 #include "compiler/light/patches.h"
@@ -243,6 +244,8 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
     auto baked = bake_light(world, *bsp, bsp->planes, s, lights, {.error_percent = error_percent, .directional = Directional::all}, context);
     if (!baked) return out.compiled = false, out;
     const Lighting& l = *baked;
+    const auto texels = fit_shown(s, l, context); // what a level holds
+    if (!texels) return out.compiled = false, out;
     const auto most = [](const Rgb& e) { return static_cast<double>(max_component(e)); };
     const auto place = [&](FaceId f, Vec2 at) { return world_from_luxel(s, f, at); };
 
@@ -262,9 +265,9 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
             const double u = std::min(x0 + k % 2, c.width - 1.0), v = std::min(y0 + k / 2, c.height - 1.0);
             const double w = (k % 2 ? x - x0 : 1 - x + x0) * (k / 2 ? y - y0 : 1 - y + y0);
             const auto t = static_cast<std::size_t>(v) * c.width + static_cast<std::size_t>(u);
-            sum[0] = sum[0] + l.flat[c.first_texel + t] * static_cast<float>(w);
+            sum[0] = sum[0] + texels->flat[c.first_texel + t] * static_cast<float>(w);
             if (l.rnm_first[chart] != UINT32_MAX)
-                for (std::size_t i = 0; i < 3; ++i) sum[i + 1] = sum[i + 1] + l.rnm[l.rnm_first[chart] + t][i] * static_cast<float>(w);
+                for (std::size_t i = 0; i < 3; ++i) sum[i + 1] = sum[i + 1] + texels->rnm[l.rnm_first[chart] + t][i] * static_cast<float>(w);
         }
         double value = 0;
         for (const Rgb& e : sum)
