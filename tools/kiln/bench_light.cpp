@@ -248,7 +248,7 @@ Command bench_command(CLI::App& app) {
     light->add_option("--worst", o->worst, "List so many luxels that the bake errs most at, with place, face and chart, after each target")->type_name("N");
     light->add_option("--methods", o->methods, fmt::format("Only these: {} (default: all but kiln-flat, the bake of irradiance along the normal alone)", fmt::join(method_names(), ", ")))->delimiter(',')->allow_extra_args(false)->type_name("NAME,...");
     light->add_option("--points", o->truth.points, "Luxels where truth is known, drawn by area (default 300)")->check(CLI::Range(10, 100000))->type_name("N");
-    light->add_flag("--shown", o->truth.shown, "The error of what bilinear filtering of the texels shows at a place in each luxel, instead of that of luxels; of the bake alone");
+    light->add_flag("--shown", o->truth.shown, "The error of what a level shows at a place in each luxel (texels fitted, coarser grids, bilinear filtering), instead of that of luxels; of the bake alone");
     light->add_option("--truth-noise", o->truth.noise_percent, "Noise of the truth at which it is good enough, percent, worst direction (default 1)")->check(CLI::Range(0.01, 100.0))->type_name("PERCENT");
     light->add_option("--truth-rounds", o->truth.most_rounds, "At most so many rounds of 8 x 4096 paths a luxel for it (default 8)")->check(CLI::Range(1, 4096))->type_name("N");
     light->add_option("--max-cpu", o->sweep.most_cpu_s, "Settings that would take longer are left out, CPU seconds (default 60)")->check(CLI::Range(0.1, 1e6))->type_name("SECONDS");

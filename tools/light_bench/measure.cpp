@@ -1,4 +1,5 @@
 #include "tools/light_bench/measure.h"
+#include "compiler/density/density.h"
 #include "compiler/light/seams.h"
 #include "compiler/light/shown.h"
 #include "libs/core/file.h"
@@ -224,20 +225,28 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
         return e;
     };
     if (truth.shown_places) {
-        const Result<Lighting> shown = fit_shown(in.surfaces, *baked, context);
-        if (!shown) {
-            m.skipped = shown.fault().diagnostic.message;
+        const Result<Lighting> texels = fit_shown(in.surfaces, *baked, context);
+        if (!texels) {
+            m.skipped = texels.fault().diagnostic.message;
+            return m;
+        }
+        const Result<Density> coarse = coarsen(in.surfaces, *texels, {.error_percent = target / 2}, context); // as a build does
+        if (!coarse) {
+            m.skipped = coarse.fault().diagnostic.message;
             return m;
         }
         const rivals::Scene scene(in.world, in.surfaces, in.lights);
         const std::vector<rivals::Receiver> receivers = rivals::receivers_of(scene, truth.luxels);
         for (std::size_t i = 0; i < truth.luxels.size(); ++i) {
             const Luxel& luxel = in.surfaces.luxels[truth.luxels[i]];
-            const Bilinear read = bilinear_at(in.surfaces.charts[luxel.chart.at()], luxel_from_world(in.surfaces, luxel.face, place_in(receivers[i], i)));
+            const ChartGrid& g = coarse->grids[luxel.chart.at()];
+            Chart grid;
+            grid.width = g.width, grid.height = g.height;
+            const Bilinear read = bilinear_at(grid, texel_from_luxel(g, luxel_from_world(in.surfaces, luxel.face, place_in(receivers[i], i))));
             Irradiance e{};
             for (std::size_t k = 0; k < 4; ++k) {
-                const Irradiance v = texel(*shown, luxel.chart, read.texel[k]);
-                for (std::size_t d = 0; d < 4; ++d) e[d] += v[d] * read.weight[k];
+                e[0] += static_cast<Rgbd>(coarse->flat[g.first_texel + read.texel[k]]) * read.weight[k];
+                for (std::size_t d = 0; !flat && d < 3; ++d) e[d + 1] += static_cast<Rgbd>(coarse->rnm[g.first_rnm + read.texel[k]][d]) * read.weight[k];
             }
             m.values.push_back(e);
         }

@@ -3,7 +3,7 @@
 // Truth    irradiance along four directions at luxels drawn by area among those that show light, path-traced in
 //          independent rounds until their noise is low; kept on disk under a hash of all it depends on. In closed form
 //          where all surfaces of a closed scene send the same radiance (furnace).
-//          `shown`: at a place in each of these luxels, for what bilinear filtering shows there
+//          `shown`: at a place in each of these luxels, for what a level shows there: texels fitted, coarser grids, bilinear filtering
 // Error    rRMSE: root of the mean square of (value - truth) / max(truth, 2 % of the mean of truth), over luxels and
 //          colour channels, for each of the four directions; "the" error is that of the worst direction. The truth's own
 //          noise is taken out in quadrature and told beside.

@@ -132,7 +132,8 @@ TEST(LightBench, TruthOfAClosedFurnaceIsExact) {
     closed.leaves.resize(1);
     closed.leaves[0].outside = true;
     Context context;
-    const TruthSettings settings{.points = 20, .paths = 16, .replicates = 2, .most_rounds = 1};
+    TruthSettings settings;
+    settings.points = 20, settings.paths = 16, settings.replicates = 2, settings.most_rounds = 1;
     std::vector<Light> lights;
     const auto truth = find_truth({"furnace", b.world, closed, b.surfaces, lights}, settings, context);
     ASSERT_TRUE(truth);
@@ -144,6 +145,15 @@ TEST(LightBench, TruthOfAClosedFurnaceIsExact) {
             for (std::size_t d = 1; d < 4; ++d) EXPECT_NEAR(truth->value[i][d][c], std::numbers::pi * (1 + 1 / std::numbers::sqrt3) / 2, 1e-6);
             EXPECT_EQ(truth->error[i][1][c], 0);
         }
+    // At places: what a level shows there, too.
+    settings.shown = true;
+    const auto places = find_truth({"furnace", b.world, closed, b.surfaces, lights}, settings, context);
+    ASSERT_TRUE(places);
+    EXPECT_TRUE(places->shown_places);
+    const Measurement shown = measure_bake({"furnace", b.world, closed, b.surfaces, lights}, *places, 5, context);
+    EXPECT_EQ(shown.values.size(), 20u);
+    EXPECT_LT(shown.errors.worst, 1);
+    settings.shown = false;
     lights.push_back(point_light(center_of(b.surfaces, b.surfaces.luxels[0]), {1, 1, 1}));
     const auto lit = find_truth({"furnace", b.world, closed, b.surfaces, lights}, settings, context);
     ASSERT_TRUE(lit);
