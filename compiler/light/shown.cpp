@@ -9,6 +9,7 @@ namespace {
 
 constexpr double kWhole = 0.99; // of a luxel: a footprint that is all of its square
 constexpr double kMostAtRims = 0.5;
+constexpr double kFlattened = 0.125; // of a second difference, by the mean over a luxel of what is bilinear
 
 using Values = std::array<Rgbd, 4>; // flat, and the three of directional light
 
@@ -66,6 +67,9 @@ private:
         return light_.valid[to] == 1 && luxel_at_[to] != UINT32_MAX ? std::optional(to) : std::nullopt;
     }
 
+    // What a value's noise and limits go by: coefficients of `dot` may be near 0 in bright light.
+    double scale(const Values& v, std::size_t k, std::size_t c) const { return light_.encoding == RnmEncoding::dot ? v[0][c] : v[k][c]; }
+
     std::vector<std::uint8_t> read_by_seams(std::size_t chart) const {
         constexpr double kStep = 1.0 / 16; // luxels
         const Chart& c = s_.charts[chart];
@@ -79,13 +83,16 @@ private:
         return out;
     }
 
-    // v + change, as far as `most(k, colour)` lets each value go down and up.
-    template <class Most> Values held(const Values& v, const Values& change, bool leaning, const Most& most) const {
+    // v + change, as far as `most(k, colour)` lets each value go down and up. `gain`: variance of the change over that of a luxel. Only what is more than noise does as a rule
+    // counts: bends are followed, noise is hardly made larger.
+    template <class Most> Values held(std::uint32_t texel, const Values& v, const Values& change, double gain, bool leaning, const Most& most) const {
         Values out = v;
+        const double error = std::sqrt(gain) * static_cast<double>(light_.texel_error[texel]);
         for (std::size_t k = 0; k < (leaning ? 4 : 1); ++k)
             for (std::size_t c = 0; c < 3; ++c) {
+                const double noise = error * scale(v, k, c), by = change[k][c] - std::clamp(change[k][c], -noise, noise);
                 const std::array<double, 2> room = most(k, c);
-                out[k][c] += std::clamp(change[k][c], -room[0], room[1]);
+                out[k][c] += std::clamp(by, -room[0], room[1]);
             }
         if (leaning) {
             std::array<Rgbd, 3> rnm{out[1], out[2], out[3]};
@@ -101,19 +108,21 @@ private:
         const std::size_t count = directional(chart) ? 4 : 1;
         const Values v = values(chart, texel);
         Values change{}, low = v, high = v;
+        double own = 0, others = 0; // weights, and squares of weights
         for (std::size_t axis = 0; axis < 2; ++axis) {
             const auto a = next(c, texel, 2 * axis), b = next(c, texel, 2 * axis + 1);
+            const bool both = a && b && whole(*a) && whole(*b); // the middle of what lies in part on its face is not one luxel away
+            if (both) own += 2 * kFlattened, others += 2 * kFlattened * kFlattened;
             for (const auto& t : {a, b}) {
                 if (!t) continue;
                 const Values w = values(chart, *t);
-                const bool both = a && b && whole(*a) && whole(*b); // the middle of what lies in part on its face is not one luxel away
                 for (std::size_t k = 0; k < count; ++k) {
-                    if (both) change[k] += (v[k] - w[k]) * 0.125;
+                    if (both) change[k] += (v[k] - w[k]) * kFlattened;
                     for (std::size_t q = 0; q < 3; ++q) low[k][q] = std::min(low[k][q], w[k][q]), high[k][q] = std::max(high[k][q], w[k][q]);
                 }
             }
         }
-        return held(v, change, directional(chart), [&](std::size_t k, std::size_t q) { return std::array{v[k][q] - low[k][q], high[k][q] - v[k][q]}; });
+        return held(texel, v, change, own * own + others, directional(chart), [&](std::size_t k, std::size_t q) { return std::array{v[k][q] - low[k][q], high[k][q] - v[k][q]}; });
     }
 
     // From the middle of what a luxel lies on to a place about a luxel away, straight on from the luxels inwards of it along both axes.
@@ -125,6 +134,7 @@ private:
         const Vec2 middle = centroid_of(s_, s_.luxels[luxel_at_[texel]]);
         const Values v = values(chart, texel);
         Values change{};
+        double own = 0, others = 0;
         for (std::size_t axis = 0; axis < 2; ++axis) {
             const double off = axis ? to.y - middle.y : to.x - middle.x;
             if (std::abs(off) < kOff) continue;
@@ -134,11 +144,12 @@ private:
             const double apart = axis ? middle.y - other.y : middle.x - other.x;
             if (std::abs(apart) < kApart) continue;
             const Values w = values(chart, *inwards);
-            for (std::size_t k = 0; k < 4; ++k) change[k] += (v[k] - w[k]) * (off / apart);
+            const double far = off / apart;
+            own += far, others += far * far;
+            for (std::size_t k = 0; k < 4; ++k) change[k] += (v[k] - w[k]) * far;
         }
-        const bool is_signed = light_.encoding == RnmEncoding::dot;
-        return held(v, change, directional(chart), [&](std::size_t k, std::size_t q) {
-            const double most = kMostAtRims * (is_signed ? v[0][q] : v[k][q]);
+        return held(texel, v, change, own * own + others, directional(chart), [&](std::size_t k, std::size_t q) {
+            const double most = kMostAtRims * scale(v, k, q);
             return std::array{most, most};
         });
     }

@@ -19,6 +19,7 @@ struct Painted {
         : baked(bake(std::move(scene), {.error_percent = 50, .encoding = encoding, .directional = Directional::all})), s(baked->scene.surfaces) {}
     void paint(const std::function<double(Vec3)>& field) {
         Lighting& l = baked->lighting;
+        std::ranges::fill(l.texel_error, 0.0f); // it is known exactly
         for (const Luxel& luxel : s.luxels) {
             const std::size_t t = texel_of(s, luxel);
             const auto v = static_cast<float>(field(center_of(s, luxel)));
@@ -119,6 +120,22 @@ TEST(Shown, StepsStaySteps) {
         const Lighting shown = p.shown();
         for (const Luxel& l : p.s.luxels) EXPECT_EQ(shown.flat[texel_of(p.s, l)], p.baked->lighting.flat[texel_of(p.s, l)]) << luxel;
     }
+}
+
+// A gentle bend is followed, and left alone where luxels are as noisy as it is deep.
+TEST(Shown, NoiseIsNoBend) {
+    Painted p(box(8));
+    p.paint([](Vec3 x) { return 10 + x.x * x.x / 500; });
+    const auto moved = [&](float noise) {
+        std::ranges::fill(p.baked->lighting.texel_error, noise);
+        const Lighting shown = p.shown();
+        std::size_t n = 0;
+        for (const Luxel& l : p.s.luxels) n += shown.flat[texel_of(p.s, l)] != p.baked->lighting.flat[texel_of(p.s, l)];
+        return n;
+    };
+    EXPECT_GT(moved(0), 500u);
+    EXPECT_GT(moved(1e-4f), 500u);
+    EXPECT_EQ(moved(0.05f), 0u);
 }
 
 TEST(Shown, FlatAndLeaningNormalsStayOne) {
