@@ -236,7 +236,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 15, kAmbientVersion = 7, kDensityVersion = 4;
+constexpr std::uint32_t kLightVersion = 15, kAmbientVersion = 7, kDensityVersion = 5;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
@@ -362,6 +362,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
                                         Memo memo;
                                         return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, shape, options.light, options.density), memo, run,
                                                                   [&](Memo* m) -> Result<Density> {
+                                                                      if (!(options.density.error_percent > 0)) return coarsen(out.surfaces, out.lighting, options.density, context, m); // luxels as they are
                                                                       const Result<Lighting> shown = fit_shown(out.surfaces, out.lighting, context);
                                                                       if (!shown) return shown.fault();
                                                                       return coarsen(out.surfaces, *shown, options.density, context, m);

@@ -259,7 +259,7 @@ Coarsening::Made Coarsening::make(std::size_t chart) const {
     const ChartLight light = light_of(chart);
     std::optional<ChartFit> fit;
     if (light.from.x < light.to.x) fit = coarsest_fit(light);
-    if (!fit) { // as it was baked
+    if (!fit) { // as it came
         const std::size_t n = std::size_t{c.width} * c.height;
         out.grid.width = c.width, out.grid.height = c.height;
         const auto copy = [&](const auto& from, std::size_t first, auto& to) { to.assign(from.begin() + static_cast<std::ptrdiff_t>(first), from.begin() + static_cast<std::ptrdiff_t>(first + n)); };

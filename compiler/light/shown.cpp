@@ -32,10 +32,13 @@ public:
             for (std::uint32_t x = 0; x < c.width; ++x) {
                 const std::uint32_t texel = c.first_texel + y * c.width + x;
                 if (fixed[y * c.width + x] || !light_.valid[texel]) continue;
+                const bool luxel = luxel_at_[texel] != UINT32_MAX;
+                if (luxel != (light_.valid[texel] == 1)) continue; // a luxel in a door or a solid, filled: its own pieces read it
                 // A luxel that lies in part on its face is the mean of that part, but is shown at the middle of its square.
-                const std::optional<Values> v = light_.valid[texel] == 2                      ? beyond_rim(chart, x, y)
-                                                : whole(texel)              ? curved(chart, texel)
-                                                                                              : straight_on(chart, texel, {x + 0.5, y + 0.5});
+                std::optional<Values> v;
+                if (!luxel) v = beyond_rim(chart, x, y);
+                else if (whole(texel)) v = curved(chart, texel);
+                else if (goes_on_all_around(chart, texel)) v = straight_on(chart, texel, {x + 0.5, y + 0.5});
                 if (!v) continue;
                 out.flat[texel] = static_cast<Rgb>((*v)[0]);
                 if (!directional(chart)) continue;
@@ -67,8 +70,8 @@ private:
         return light_.valid[to] == 1 && luxel_at_[to] != UINT32_MAX ? std::optional(to) : std::nullopt;
     }
 
-    // What a value's noise and limits go by: coefficients of `dot` may be near 0 in bright light.
-    double scale(const Values& v, std::size_t k, std::size_t c) const { return light_.encoding == RnmEncoding::dot ? v[0][c] : v[k][c]; }
+    // What a value's noise and limits go by: coefficients of `dot` and `sq` may be near 0 in bright light.
+    double scale(const Values& v, std::size_t k, std::size_t c) const { return light_.encoding == RnmEncoding::tilted ? std::abs(v[k][c]) : v[0][c]; }
 
     std::vector<std::uint8_t> read_by_seams(std::size_t chart) const {
         constexpr double kStep = 1.0 / 16; // luxels
@@ -125,6 +128,27 @@ private:
         return held(texel, v, change, own * own + others, directional(chart), [&](std::size_t k, std::size_t q) { return std::array{v[k][q] - low[k][q], high[k][q] - v[k][q]}; });
     }
 
+    // Do all baked luxels around it go on from it? What does not may lie behind a wall, and is shown this texel as well.
+    bool goes_on_all_around(std::size_t chart, std::uint32_t texel) const {
+        const Chart& c = s_.charts[chart];
+        const auto x = static_cast<std::int64_t>((texel - c.first_texel) % c.width), y = static_cast<std::int64_t>((texel - c.first_texel) / c.width);
+        for (int dy = -1; dy <= 1; ++dy)
+            for (int dx = -1; dx <= 1; ++dx) {
+                const std::int64_t u = x + dx, v = y + dy;
+                if ((!dx && !dy) || u < 0 || v < 0 || u >= c.width || v >= c.height) continue;
+                const auto at = static_cast<std::uint32_t>(c.first_texel + v * c.width + u);
+                if (light_.valid[at] != 1) continue;
+                bool reached = false;
+                for (std::size_t k = 0; k < kBeside.size() && !reached; ++k) {
+                    const auto first = next(c, texel, k);
+                    reached = first && *first == at;
+                    for (std::size_t q = 0; first && q < kBeside.size() && !reached; ++q) reached = next(c, *first, q) == at;
+                }
+                if (!reached) return false;
+            }
+        return true;
+    }
+
     // From the middle of what a luxel lies on to a place about a luxel away, straight on from the luxels inwards of it along both axes.
     std::optional<Values> straight_on(std::size_t chart, std::uint32_t texel, Vec2 to) const {
         constexpr double kOff = 0.02, kApart = 0.3; // luxels: what is nearer makes no difference, and tells of no slope
@@ -133,20 +157,32 @@ private:
         const Chart& c = s_.charts[chart];
         const Vec2 middle = centroid_of(s_, s_.luxels[luxel_at_[texel]]);
         const Values v = values(chart, texel);
+        // Along each axis a luxel inwards; the way there is put together from the ways from these.
+        const Vec2 off = to - middle;
+        std::array<std::optional<std::uint32_t>, 2> inwards;
+        std::array<Vec2, 2> way;
+        for (std::size_t axis = 0; axis < 2; ++axis) {
+            const double along = axis ? off.y : off.x;
+            if (std::abs(along) < kOff) continue;
+            const auto t = next(c, texel, 2 * axis + (along > 0 ? 1 : 0));
+            if (!t || cut(*t)) continue;
+            const Vec2 from = middle - centroid_of(s_, s_.luxels[luxel_at_[*t]]);
+            if (std::abs(axis ? from.y : from.x) < kApart) continue;
+            inwards[axis] = t, way[axis] = from;
+        }
+        std::array<double, 2> share{inwards[0] ? off.x / way[0].x : 0, inwards[1] ? off.y / way[1].y : 0};
+        if (inwards[0] && inwards[1]) {
+            const double det = cross(way[0], way[1]);
+            if (std::abs(det) < kApart * kApart) return std::nullopt;
+            share = {cross(off, way[1]) / det, cross(way[0], off) / det};
+        }
         Values change{};
         double own = 0, others = 0;
         for (std::size_t axis = 0; axis < 2; ++axis) {
-            const double off = axis ? to.y - middle.y : to.x - middle.x;
-            if (std::abs(off) < kOff) continue;
-            const auto inwards = next(c, texel, 2 * axis + (off > 0 ? 1 : 0));
-            if (!inwards || cut(*inwards)) continue;
-            const Vec2 other = centroid_of(s_, s_.luxels[luxel_at_[*inwards]]);
-            const double apart = axis ? middle.y - other.y : middle.x - other.x;
-            if (std::abs(apart) < kApart) continue;
-            const Values w = values(chart, *inwards);
-            const double far = off / apart;
-            own += far, others += far * far;
-            for (std::size_t k = 0; k < 4; ++k) change[k] += (v[k] - w[k]) * far;
+            if (!inwards[axis]) continue;
+            const Values w = values(chart, *inwards[axis]);
+            own += share[axis], others += share[axis] * share[axis];
+            for (std::size_t k = 0; k < 4; ++k) change[k] += (v[k] - w[k]) * share[axis];
         }
         return held(texel, v, change, own * own + others, directional(chart), [&](std::size_t k, std::size_t q) {
             const double most = kMostAtRims * scale(v, k, q);

@@ -13,8 +13,8 @@
 
 namespace kiln {
 
-// What seams read stays as they were matched, and what is dark all around stays dark. Nothing gets brighter or darker than the luxels around it that
-// go on from it; at rims by no more than half.
+// What seams read stays as it was matched, what is dark all around stays dark, and what luxels differ by no more than their noise (`texel_error`) moves nothing. Flat light gets no
+// brighter or darker than the luxels around it that go on from it; at rims by no more than half.
 Result<Lighting> fit_shown(const Surfaces& surfaces, const Lighting& lighting, Context& context);
 
 } // namespace kiln

@@ -24,7 +24,7 @@ void BakeOptions::add_to(CLI::App& command) {
         ->check(CLI::IsMember({"dot", "sq", "tilted"}));
     quality->add_option("--luxel", compile.world.lightmap_scale, "Luxel size where the map says nothing, map units (default 16)")
         ->check(CLI::Range(0.5, 1024.0))->type_name("UNITS");
-    quality->add_option("--luxel-error", luxel_error, "Most that coarser luxels may change of the light shown, percent; 0: none are coarser (default: half of --error)")
+    quality->add_option("--luxel-error", luxel_error, "Most that coarser luxels may change of the light shown, percent; 0: luxels as they are baked, none coarser or fitted to what filtering shows (default: half of --error)")
         ->check(CLI::Range(0.0, 100.0))->type_name("PERCENT");
     quality->add_option("--max-texels", compile.surfaces.most_texels, "Lightmap texels beyond which the build stops with exit 5 (default 67 million)")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{UINT32_MAX}))->type_name("N");

@@ -99,7 +99,7 @@ std::optional<Rgbd> radiance_everywhere(const LightScene& in, const rivals::Scen
     if (!closed || !in.lights.empty() || scene.trace().has_panes()) return std::nullopt;
     std::optional<Rgbd> all;
     for (const Face& face : in.surfaces.faces) {
-        if (!face.drawn) continue;
+        if (!face.drawn || face.sky) return std::nullopt; // takes light away
         const Material& m = in.world.materials[face.material.at()];
         Rgbd sent;
         for (std::size_t c = 0; c < 3; ++c) sent[c] = static_cast<double>(m.emission[c]) / (1 - static_cast<double>(m.reflectance[c]));
@@ -118,7 +118,9 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
         settings.noise_percent);
     if (settings.shown) key(settings.shown);
     const std::string file = settings.cache.empty() ? "" : fmt::format("{}/{}.{}.truth", settings.cache, in.name, to_hex(hash_bytes(key.bytes)));
-    if (std::error_code ignored; !file.empty() && std::filesystem::exists(file, ignored)) {
+    const rivals::Scene scene(in.world, in.surfaces, in.lights);
+    const std::optional<Rgbd> everywhere = radiance_everywhere(in, scene);
+    if (std::error_code ignored; !everywhere && !file.empty() && std::filesystem::exists(file, ignored)) {
         if (const auto bytes = read_file(file)) {
             try {
                 Truth kept = from_bytes<Truth>(*bytes);
@@ -128,7 +130,6 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
             }
         }
     }
-    const rivals::Scene scene(in.world, in.surfaces, in.lights);
     const std::vector<std::uint32_t> shown = rivals::shown_luxels(scene, context);
     Truth truth;
     truth.shown = static_cast<std::uint32_t>(shown.size());
@@ -138,9 +139,9 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
     for (std::size_t i = 0; settings.shown && i < receivers.size(); ++i) receivers[i].point = place_in(receivers[i], i), receivers[i].footprint = Footprint();
     const std::size_t n = receivers.size();
     truth.value.resize(n), truth.error.resize(n);
-    if (const auto radiance = radiance_everywhere(in, scene)) {
+    if (everywhere) {
         for (std::size_t i = 0; i < n; ++i)
-            for (std::size_t d = 0; d < 4; ++d) truth.value[i][d] = *radiance * (std::numbers::pi * (1 + dot(receivers[i].directions[d], receivers[i].normal)) / 2);
+            for (std::size_t d = 0; d < 4; ++d) truth.value[i][d] = *everywhere * (std::numbers::pi * (1 + dot(receivers[i].directions[d], receivers[i].normal)) / 2);
         return truth;
     }
     std::vector<Irradiance> sum(n), square(n);

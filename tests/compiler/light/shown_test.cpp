@@ -136,6 +136,11 @@ TEST(Shown, NoiseIsNoBend) {
     EXPECT_GT(moved(0), 500u);
     EXPECT_GT(moved(1e-4f), 500u);
     EXPECT_EQ(moved(0.05f), 0u);
+    // Irradiance along a leaning normal that smoothing drew below 0.
+    for (auto& values : p.baked->lighting.rnm) values[1] = {-0.001f, -0.001f, -0.001f};
+    EXPECT_EQ(moved(0.05f), 0u);
+    const Lighting shown = p.shown();
+    for (const Luxel& l : p.s.luxels) EXPECT_EQ(shown.rnm[p.rnm(l.chart, texel_of(p.s, l))][1].x, -0.001f);
 }
 
 TEST(Shown, FlatAndLeaningNormalsStayOne) {

@@ -1,8 +1,8 @@
 #include "tests/proof/light/leaks.h"
-#include "compiler/light/shown.h"
 #include "compiler/ambient/ambient.h"
 #include "compiler/light/field.h"
 #include "compiler/light/patches.h"
+#include "compiler/light/shown.h"
 #include "libs/sampling/sobol.h"
 #include <fmt/format.h>
 #include <numbers>
