@@ -1,6 +1,5 @@
 #include "compiler/compile.h"
 #include "compiler/light/memo.h"
-#include "compiler/light/shown.h"
 #include "compiler/stage.h"
 #include "compiler/visibility/shut.h"
 #include <algorithm>
@@ -361,12 +360,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
                                     [&] {
                                         Memo memo;
                                         return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, shape, options.light, options.density), memo, run,
-                                                                  [&](Memo* m) -> Result<Density> {
-                                                                      if (!(options.density.error_percent > 0)) return coarsen(out.surfaces, out.lighting, options.density, context, m); // luxels as they are
-                                                                      const Result<Lighting> shown = fit_shown(out.surfaces, out.lighting, context);
-                                                                      if (!shown) return shown.fault();
-                                                                      return coarsen(out.surfaces, *shown, options.density, context, m);
-                                                                  });
+                                                                  [&](Memo* m) { return level_texels(out.surfaces, out.lighting, options.density, context, m); });
                                     });
     if (!density) return density.fault();
     if (done(Stage::density)) return true;

@@ -1,6 +1,7 @@
 #include "compiler/density/density.h"
 #include "compiler/density/chart_fit.h"
 #include "compiler/light/seams.h"
+#include "compiler/light/shown.h"
 #include "libs/core/check.h"
 #include "libs/parallel/parallel.h"
 #include <algorithm>
@@ -111,21 +112,17 @@ void Coarsening::cover(ChartLight& out, std::size_t chart) const {
 
 // Half luxels whose corners an edge with another chart comes by.
 std::vector<std::uint8_t> Coarsening::along_seams(const ChartLight& light, std::size_t chart) const {
-    constexpr double kStep = 1.0 / 16, kNear = 1e-3; // luxels
+    constexpr double kNear = 1e-3; // luxels
     const std::uint32_t vx = light.vertices_x(), vy = light.vertices_y();
     std::vector<std::uint8_t> out(std::size_t{vx} * vy);
-    for (const SeamLine& line : seams_[chart]) {
-        const Vec2 along = line.to - line.from;
-        const auto steps = static_cast<int>(std::ceil(std::hypot(along.x, along.y) / kStep)) + 1;
-        for (int k = 0; k <= steps; ++k) {
-            const Vec2 p = line.from + along * (static_cast<double>(k) / steps);
+    for (const SeamLine& line : seams_[chart])
+        walk(line, [&](Vec2 p) {
             for (const double dy : {-kNear, kNear})
                 for (const double dx : {-kNear, kNear}) {
                     const auto x = static_cast<std::size_t>(std::clamp(2 * (p.x + dx), 0.0, vx - 2.0)), y = static_cast<std::size_t>(std::clamp(2 * (p.y + dy), 0.0, vy - 2.0));
                     for (const std::size_t v : {y * vx + x, y * vx + x + 1, (y + 1) * vx + x, (y + 1) * vx + x + 1}) out[v] = 1;
                 }
-        }
-    }
+        });
     return out;
 }
 
@@ -234,13 +231,11 @@ ChartLight Coarsening::light_of(std::size_t chart) const {
 void Coarsening::note_quality(const ChartFit& fit, std::size_t chart, Made& out) const {
     const Chart& c = s_.charts[chart];
     const std::size_t n = std::size_t{fit.width} * fit.height;
-    Chart grid;
-    grid.width = fit.width, grid.height = fit.height;
     std::vector<double> error(n), known(n), baked(n);
     for (std::uint32_t l = first_luxel_[chart]; l < first_luxel_[chart + 1]; ++l) {
         const Luxel& luxel = s_.luxels[l];
         const std::uint32_t texel = c.first_texel + luxel.y * c.width + luxel.x;
-        const Bilinear b = bilinear_at(grid, {(luxel.x + 0.5) * fit.scale.x + fit.shift.x, (luxel.y + 0.5) * fit.scale.y + fit.shift.y});
+        const Bilinear b = bilinear_at(fit.width, fit.height, {(luxel.x + 0.5) * fit.scale.x + fit.shift.x, (luxel.y + 0.5) * fit.scale.y + fit.shift.y});
         for (std::size_t k = 0; k < 4; ++k) {
             const double share = b.weight[k] * luxel.area;
             if (light_.valid[texel] == 1) baked[b.texel[k]] += share;
@@ -339,6 +334,13 @@ Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, cons
     } catch (const Cancelled&) {
         return fault(Exit::cancelled, "cancelled", "stopped while choosing luxels");
     }
+}
+
+Result<Density> level_texels(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo) {
+    if (!(options.error_percent > 0)) return Density{};
+    const Result<Lighting> shown = fit_shown(surfaces, lighting, context);
+    if (!shown) return shown.fault();
+    return coarsen(surfaces, *shown, options, context, memo);
 }
 
 void validate(const Density& d, const Surfaces& s, const Lighting& light) {

@@ -45,6 +45,8 @@ struct Density {
 };
 // `memo`: of an earlier run with the same surfaces (light/memo.h): charts in the same light are taken over.
 Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo = nullptr);
+// What a level holds: texels fitted to what filtering shows (light/shown.h), on such grids. With a bound of 0, none: luxels as they are baked.
+Result<Density> level_texels(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo = nullptr);
 void validate(const Density& density, const Surfaces& surfaces, const Lighting& lighting);
 
 } // namespace kiln

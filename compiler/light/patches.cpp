@@ -276,6 +276,10 @@ std::vector<std::uint32_t> patches_of_luxels(const Surfaces& surfaces, std::span
     std::vector<std::uint32_t> out(surfaces.luxels.size(), kNoPatch);
     for (std::size_t l = 0; l < out.size(); ++l) {
         const Luxel& luxel = surfaces.luxels[l];
+        if (luxel.piece_count == 1) { // nearly all
+            out[l] = piece_patch[luxel.first_piece];
+            continue;
+        }
         std::map<std::uint32_t, double> area;
         double most = -1;
         for (std::uint32_t piece = luxel.first_piece; piece < luxel.first_piece + luxel.piece_count; ++piece) {

@@ -10,7 +10,7 @@
 
 namespace kiln {
 
-Bilinear bilinear_at(const Chart& c, Vec2 luxel) {
+Bilinear bilinear_at(std::uint32_t width, std::uint32_t height, Vec2 place) {
     Bilinear out;
     std::array<std::uint32_t, 2> x{}, y{};
     const auto axis = [](double v, std::uint32_t size, std::array<std::uint32_t, 2>& at) {
@@ -18,11 +18,16 @@ Bilinear bilinear_at(const Chart& c, Vec2 luxel) {
         at[0] = static_cast<std::uint32_t>(v), at[1] = std::min(at[0] + 1, size - 1);
         return v - at[0];
     };
-    const double u = axis(luxel.x, c.width, x), v = axis(luxel.y, c.height, y);
+    const double u = axis(place.x, width, x), v = axis(place.y, height, y);
     for (std::size_t k = 0; k < 4; ++k) {
-        out.texel[k] = c.first_texel + y[k / 2] * c.width + x[k % 2];
+        out.texel[k] = y[k / 2] * width + x[k % 2];
         out.weight[k] = (k % 2 ? u : 1 - u) * (k / 2 ? v : 1 - v);
     }
+    return out;
+}
+Bilinear bilinear_at(const Chart& c, Vec2 luxel) {
+    Bilinear out = bilinear_at(c.width, c.height, luxel);
+    for (std::uint32_t& t : out.texel) t += c.first_texel;
     return out;
 }
 

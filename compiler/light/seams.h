@@ -9,6 +9,7 @@
 #pragma once
 #include "compiler/light/field.h"
 #include <array>
+#include <cmath>
 
 namespace kiln {
 
@@ -17,6 +18,7 @@ struct Bilinear {
     std::array<std::uint32_t, 4> texel{};
     std::array<double, 4> weight{};
 };
+Bilinear bilinear_at(std::uint32_t width, std::uint32_t height, Vec2 at); // of a grid of its own
 Bilinear bilinear_at(const Chart& chart, Vec2 luxel);
 
 struct SeamLine { // of an edge, in luxels
@@ -24,6 +26,13 @@ struct SeamLine { // of an edge, in luxels
 };
 // Per chart, its edges at which another one goes on, or the same one elsewhere.
 std::vector<std::vector<SeamLine>> seam_lines(const Surfaces& surfaces);
+// Places along a line, a sixteenth of a luxel apart at most, its ends with them.
+template <class Visit> void walk(const SeamLine& line, const Visit& visit) {
+    constexpr double kStep = 1.0 / 16; // luxels
+    const Vec2 along = line.to - line.from;
+    const auto steps = static_cast<int>(std::ceil(std::hypot(along.x, along.y) / kStep)) + 1;
+    for (int k = 0; k <= steps; ++k) visit(line.from + along * (static_cast<double>(k) / steps));
+}
 
 // A point of an edge between two charts, seen from both.
 struct SeamPoint {

@@ -15,14 +15,9 @@ using Values = std::array<Rgbd, 4>; // flat, and the three of directional light
 
 class Fitting {
 public:
-    Fitting(const Surfaces& s, const Lighting& light) : s_(s), light_(light), luxel_at_(s.texel_count, UINT32_MAX), seams_(seam_lines(s)) {
+    Fitting(const Surfaces& s, const Lighting& light) : s_(s), light_(light), index_(s), seams_(seam_lines(s)) {
         const std::vector<std::uint32_t> patch = patches_of_luxels(s, light.piece_patch);
         beside_ = luxels_beside(s, piece_adjacency(s), light.piece_patch, patch);
-        for (std::uint32_t l = 0; l < s.luxels.size(); ++l) {
-            const Luxel& luxel = s.luxels[l];
-            const Chart& c = s.charts[luxel.chart.at()];
-            luxel_at_[c.first_texel + luxel.y * c.width + luxel.x] = l;
-        }
     }
 
     void fit(std::size_t chart, Lighting& out) const {
@@ -32,7 +27,7 @@ public:
             for (std::uint32_t x = 0; x < c.width; ++x) {
                 const std::uint32_t texel = c.first_texel + y * c.width + x;
                 if (fixed[y * c.width + x] || !light_.valid[texel]) continue;
-                const bool luxel = luxel_at_[texel] != UINT32_MAX;
+                const bool luxel = index_.luxel_of(texel) != UINT32_MAX;
                 if (luxel != (light_.valid[texel] == 1)) continue; // a luxel in a door or a solid, filled: its own pieces read it
                 // A luxel that lies in part on its face is the mean of that part, but is shown at the middle of its square.
                 std::optional<Values> v;
@@ -49,7 +44,7 @@ public:
 private:
     const Surfaces& s_;
     const Lighting& light_;
-    std::vector<std::uint32_t> luxel_at_; // per texel
+    LuxelIndex index_;
     std::vector<std::uint8_t> beside_;    // per luxel
     std::vector<std::vector<SeamLine>> seams_;
 
@@ -62,27 +57,24 @@ private:
     static std::uint32_t step(const Chart& c, std::uint32_t texel, std::size_t side) {
         return static_cast<std::uint32_t>(static_cast<std::int64_t>(texel) + kBeside[side][0] + kBeside[side][1] * static_cast<std::int64_t>(c.width));
     }
-    bool whole(std::uint32_t texel) const { return s_.luxels[luxel_at_[texel]].area > kWhole; }
+    bool whole(std::uint32_t texel) const { return s_.luxels[index_.luxel_of(texel)].area > kWhole; }
     // The baked luxel beside a texel that goes on from it.
     std::optional<std::uint32_t> next(const Chart& c, std::uint32_t texel, std::size_t side) const {
-        if (luxel_at_[texel] == UINT32_MAX || !(beside_[luxel_at_[texel]] >> side & 1)) return std::nullopt;
+        if (index_.luxel_of(texel) == UINT32_MAX || !(beside_[index_.luxel_of(texel)] >> side & 1)) return std::nullopt;
         const std::uint32_t to = step(c, texel, side);
-        return light_.valid[to] == 1 && luxel_at_[to] != UINT32_MAX ? std::optional(to) : std::nullopt;
+        return light_.valid[to] == 1 && index_.luxel_of(to) != UINT32_MAX ? std::optional(to) : std::nullopt;
     }
 
     // What a value's noise and limits go by: coefficients of `dot` and `sq` may be near 0 in bright light.
     double scale(const Values& v, std::size_t k, std::size_t c) const { return light_.encoding == RnmEncoding::tilted ? std::abs(v[k][c]) : v[0][c]; }
 
     std::vector<std::uint8_t> read_by_seams(std::size_t chart) const {
-        constexpr double kStep = 1.0 / 16; // luxels
         const Chart& c = s_.charts[chart];
         std::vector<std::uint8_t> out(std::size_t{c.width} * c.height);
-        for (const SeamLine& line : seams_[chart]) {
-            const Vec2 along = line.to - line.from;
-            const auto steps = static_cast<int>(std::ceil(std::hypot(along.x, along.y) / kStep)) + 1;
-            for (int k = 0; k <= steps; ++k)
-                for (const std::uint32_t t : bilinear_at(c, line.from + along * (static_cast<double>(k) / steps)).texel) out[t - c.first_texel] = 1;
-        }
+        for (const SeamLine& line : seams_[chart])
+            walk(line, [&](Vec2 at) {
+                for (const std::uint32_t t : bilinear_at(c, at).texel) out[t - c.first_texel] = 1;
+            });
         return out;
     }
 
@@ -155,7 +147,7 @@ private:
         const auto cut = [&](std::uint32_t t) { return light_.patch_index[t] == kMixedPatch; }; // by something that stands there
         if (cut(texel)) return std::nullopt;
         const Chart& c = s_.charts[chart];
-        const Vec2 middle = centroid_of(s_, s_.luxels[luxel_at_[texel]]);
+        const Vec2 middle = centroid_of(s_, s_.luxels[index_.luxel_of(texel)]);
         const Values v = values(chart, texel);
         // Along each axis a luxel inwards; the way there is put together from the ways from these.
         const Vec2 off = to - middle;
@@ -166,7 +158,7 @@ private:
             if (std::abs(along) < kOff) continue;
             const auto t = next(c, texel, 2 * axis + (along > 0 ? 1 : 0));
             if (!t || cut(*t)) continue;
-            const Vec2 from = middle - centroid_of(s_, s_.luxels[luxel_at_[*t]]);
+            const Vec2 from = middle - centroid_of(s_, s_.luxels[index_.luxel_of(*t)]);
             if (std::abs(axis ? from.y : from.x) < kApart) continue;
             inwards[axis] = t, way[axis] = from;
         }

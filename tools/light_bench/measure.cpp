@@ -1,7 +1,6 @@
 #include "tools/light_bench/measure.h"
 #include "compiler/density/density.h"
 #include "compiler/light/seams.h"
-#include "compiler/light/shown.h"
 #include "libs/core/file.h"
 #include "libs/core/process.h"
 #include "libs/parallel/parallel.h"
@@ -34,11 +33,15 @@ std::vector<std::uint32_t> draw_luxels(std::span<const std::uint32_t> shown, std
     return out;
 }
 
-// The place in the luxel drawn i-th where `shown` compares.
-Vec3 place_in(const rivals::Receiver& r, std::size_t i) {
-    Random random(mix(std::uint64_t{77}, i));
-    const double u = random(), v = random();
-    return r.footprint.sample({u, v}).position;
+// A place in each, drawn by area.
+std::vector<Vec3> places_in(std::span<const rivals::Receiver> receivers) {
+    std::vector<Vec3> out;
+    for (const rivals::Receiver& r : receivers) {
+        Random random(mix(std::uint64_t{77}, out.size()));
+        const double u = random(), v = random();
+        out.push_back(r.footprint.sample({u, v}).position);
+    }
+    return out;
 }
 
 // Peak memory since the last reset, kB; 0 where the system does not tell.
@@ -110,6 +113,23 @@ std::optional<Rgbd> radiance_everywhere(const LightScene& in, const rivals::Scen
     return all;
 }
 
+// What bilinear filtering of a level's texels shows at the places of truth.
+std::vector<Irradiance> shown_at(const Surfaces& surfaces, const Truth& truth, const Density& texels, bool flat) {
+    std::vector<Irradiance> out;
+    for (std::size_t i = 0; i < truth.luxels.size(); ++i) {
+        const Luxel& luxel = surfaces.luxels[truth.luxels[i]];
+        const ChartGrid& g = texels.grids[luxel.chart.at()];
+        const Bilinear read = bilinear_at(g.width, g.height, texel_from_luxel(g, luxel_from_world(surfaces, luxel.face, truth.places[i])));
+        Irradiance e{};
+        for (std::size_t k = 0; k < 4; ++k) {
+            e[0] += static_cast<Rgbd>(texels.flat[g.first_texel + read.texel[k]]) * read.weight[k];
+            for (std::size_t d = 0; !flat && d < 3; ++d) e[d + 1] += static_cast<Rgbd>(texels.rnm[g.first_rnm + read.texel[k]][d]) * read.weight[k];
+        }
+        out.push_back(e);
+    }
+    return out;
+}
+
 } // namespace
 
 Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Context& context) {
@@ -124,7 +144,7 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
         if (const auto bytes = read_file(file)) {
             try {
                 Truth kept = from_bytes<Truth>(*bytes);
-                kept.shown_places = settings.shown;
+                if (settings.shown) kept.places = places_in(rivals::receivers_of(scene, kept.luxels));
                 return kept;
             } catch (const ArchiveError&) { // cut short: as good as absent
             }
@@ -135,8 +155,10 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
     truth.shown = static_cast<std::uint32_t>(shown.size());
     truth.luxels = draw_luxels(shown, rivals::receivers_of(scene, shown), settings.points);
     std::vector<rivals::Receiver> receivers = rivals::receivers_of(scene, truth.luxels);
-    truth.shown_places = settings.shown;
-    for (std::size_t i = 0; settings.shown && i < receivers.size(); ++i) receivers[i].point = place_in(receivers[i], i), receivers[i].footprint = Footprint();
+    if (settings.shown) {
+        truth.places = places_in(receivers);
+        for (std::size_t i = 0; i < receivers.size(); ++i) receivers[i].point = truth.places[i], receivers[i].footprint = Footprint();
+    }
     const std::size_t n = receivers.size();
     truth.value.resize(n), truth.error.resize(n);
     if (everywhere) {
@@ -220,43 +242,22 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
     if (context.threads == 1) m.traced = static_cast<double>(TraceScene::traced() - traced);
     m.estimate = baked->error.estimate, m.low = baked->error.low, m.high = baked->error.high;
     m.own_noise = std::hypot(baked->error.noise, baked->error.solution), m.own_bias = std::hypot(baked->error.patch_bias, baked->error.shortcuts);
-    const auto texel = [&](const Lighting& light, ChartId chart, std::uint32_t at) {
-        Irradiance e{static_cast<Rgbd>(light.flat[at])};
-        for (std::size_t k = 0; !flat && k < 3; ++k) e[k + 1] = static_cast<Rgbd>(light.rnm[light.rnm_first[chart.at()] + (at - in.surfaces.charts[chart.at()].first_texel)][k]);
-        return e;
-    };
-    if (truth.shown_places) {
-        const Result<Lighting> texels = fit_shown(in.surfaces, *baked, context);
+    if (truth.places.empty()) {
+        for (const std::uint32_t l : truth.luxels) {
+            const Luxel& luxel = in.surfaces.luxels[l];
+            const Chart& chart = in.surfaces.charts[luxel.chart.at()];
+            const std::uint32_t in_chart = luxel.y * chart.width + luxel.x;
+            Irradiance e{static_cast<Rgbd>(baked->flat[chart.first_texel + in_chart])};
+            for (std::size_t k = 0; !flat && k < 3; ++k) e[k + 1] = static_cast<Rgbd>(baked->rnm[baked->rnm_first[luxel.chart.at()] + in_chart][k]);
+            m.values.push_back(e);
+        }
+    } else {
+        const Result<Density> texels = level_texels(in.surfaces, *baked, {.error_percent = target / 2}, context); // the bound that a build has
         if (!texels) {
             m.skipped = texels.fault().diagnostic.message;
             return m;
         }
-        const Result<Density> coarse = coarsen(in.surfaces, *texels, {.error_percent = target / 2}, context); // as a build does
-        if (!coarse) {
-            m.skipped = coarse.fault().diagnostic.message;
-            return m;
-        }
-        const rivals::Scene scene(in.world, in.surfaces, in.lights);
-        const std::vector<rivals::Receiver> receivers = rivals::receivers_of(scene, truth.luxels);
-        for (std::size_t i = 0; i < truth.luxels.size(); ++i) {
-            const Luxel& luxel = in.surfaces.luxels[truth.luxels[i]];
-            const ChartGrid& g = coarse->grids[luxel.chart.at()];
-            Chart grid;
-            grid.width = g.width, grid.height = g.height;
-            const Bilinear read = bilinear_at(grid, texel_from_luxel(g, luxel_from_world(in.surfaces, luxel.face, place_in(receivers[i], i))));
-            Irradiance e{};
-            for (std::size_t k = 0; k < 4; ++k) {
-                e[0] += static_cast<Rgbd>(coarse->flat[g.first_texel + read.texel[k]]) * read.weight[k];
-                for (std::size_t d = 0; !flat && d < 3; ++d) e[d + 1] += static_cast<Rgbd>(coarse->rnm[g.first_rnm + read.texel[k]][d]) * read.weight[k];
-            }
-            m.values.push_back(e);
-        }
-    } else {
-        for (const std::uint32_t l : truth.luxels) {
-            const Luxel& luxel = in.surfaces.luxels[l];
-            const Chart& chart = in.surfaces.charts[luxel.chart.at()];
-            m.values.push_back(texel(*baked, luxel.chart, chart.first_texel + luxel.y * chart.width + luxel.x));
-        }
+        m.values = shown_at(in.surfaces, truth, *texels, flat);
     }
     m.errors = compare(truth, m.values, flat ? 1 : 4);
     return m;

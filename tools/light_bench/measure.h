@@ -40,7 +40,7 @@ struct Truth {
     std::vector<rivals::Irradiance> value, error; // error: standard
     std::uint32_t shown = 0;                      // luxels of the scene that show light
     std::uint64_t paths = 0;                      // a luxel
-    bool shown_places = false;                    // of places, not of luxels; not kept
+    std::vector<Vec3> places;                     // not of the luxels, but of a place in each; not kept on disk, drawn anew. None: of luxels
     template <class A> void fields(A& a) { a(luxels, value, error, shown, paths); }
 };
 Result<Truth> find_truth(const LightScene& scene, const TruthSettings& settings, Context& context);

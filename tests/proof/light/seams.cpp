@@ -1,5 +1,4 @@
 #include "tests/proof/light/seams.h"
-#include "compiler/light/shown.h"
 #include "compiler/pack/pack.h"
 #include "formats/level/kiln_level.hpp"
 #include "libs/core/check.h"
@@ -205,9 +204,7 @@ SeamsFound find_seams_shown(SeamMap m, double error_percent, RnmEncoding encodin
     Visibility visibility;
     visibility.cluster_count = bsp->cluster_count;
     visibility.rows.assign(std::size_t{bsp->cluster_count} * ((bsp->cluster_count + 63) / 64), ~std::uint64_t{0});
-    const auto texels = fit_shown(s, *baked, context);
-    if (!texels) return out.compiled = false, out;
-    auto density = coarsen(s, *texels, {.error_percent = luxel_error < 0 ? error_percent / 2 : luxel_error}, context);
+    auto density = level_texels(s, *baked, {.error_percent = luxel_error < 0 ? error_percent / 2 : luxel_error}, context);
     if (!density) return out.compiled = false, out;
     out.texels_baked = s.texel_count, out.texels = density->grids.empty() ? s.texel_count : density->flat.size();
     const Bytes bytes = pack({world, *csg, *bsp, visibility, s, m.lights, *baked, {}, {}, "{}", "", "", &*density}, {.zstd_level = 1}, context);
