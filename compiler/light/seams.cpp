@@ -106,6 +106,22 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
     constexpr double kHeight = 0.125; // map units over the surfaces, for what stands on them; doors of maps hang no higher over a floor
     constexpr double kInside = 1e-3;  // luxels
     const std::vector<std::array<Side, 2>> sides = sides_of_seams(s);
+    const LuxelIndex index(s);
+    // Of side k: a luxel it reads lies beyond the edge, behind what ends there.
+    const auto torn = [&](const SeamPoint& point, std::size_t k, double reach) {
+        const Face &own = s.faces[point.face[k].at()], &other = s.faces[point.face[1 - k].at()];
+        if (own.curved() || own.plane != other.plane) return false;
+        const Bilinear read = bilinear_at(s.charts[own.chart.at()], point.luxel[k]);
+        for (std::size_t i = 0; i < 4; ++i) {
+            if (!(read.weight[i] > 0) || lighting.valid[read.texel[i]] != 1) continue;
+            const std::uint32_t l = index.luxel_of(read.texel[i]);
+            if (l == UINT32_MAX) continue;
+            const Vec3 to = world_from_luxel(s, point.face[k], centroid_of(s, s.luxels[l])), up = own.normal * kHeight;
+            if (dot(to - point.position, point.inwards[k]) > -kInside * reach) continue;
+            if (scene.occluded(point.position + point.inwards[1 - k] * (kInside * reach) + up, to + up)) return true;
+        }
+        return false;
+    };
     std::vector<std::vector<SeamPoint>> points(sides.size());
     parallel_for(context, sides.size(), [&](std::size_t i) {
         if (sides[i][0].triangle == UINT32_MAX) return;
@@ -152,7 +168,9 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
                 const Face& by = s.faces[hit->face.at()];
                 open = by.model == f.model && by.curved() == f.curved() && !hit->back;
             }
-            if (open) points[i].push_back(point);
+            if (!open) continue;
+            for (std::size_t k = 0; k < 2; ++k) point.torn = point.torn || torn(point, k, 0.5 * std::sqrt(luxel_area(s, face[k])));
+            points[i].push_back(point);
         }
     });
     std::vector<SeamPoint> out;
@@ -435,7 +453,9 @@ void Matching::go_on(Part& part) const {
 void Matching::fit_flat(Part& part) const {
     Fit fit;
     for (const std::uint32_t t : part.texels) fit.keep.push_back(keep(t));
-    for (const auto& read : part.reads) {
+    for (std::size_t j = 0; j < part.points.size(); ++j) {
+        if (part.points[j].torn) continue;
+        const std::array<Bilinear, 2>& read = part.reads[j];
         Row row;
         double shown = 0;
         for (std::size_t k = 0; k < 2; ++k)
@@ -464,7 +484,7 @@ void Matching::fit_directional(Part& part) const {
     for (const std::uint32_t t : part.texels) fit.keep.insert(fit.keep.end(), 3, keep(t));
     for (std::size_t j = 0; j < part.points.size(); ++j) {
         const SeamPoint& p = part.points[j];
-        if (!directional(s_.faces[p.face[0].at()].chart) || !directional(s_.faces[p.face[1].at()].chart)) continue;
+        if (p.torn || !directional(s_.faces[p.face[0].at()].chart) || !directional(s_.faces[p.face[1].at()].chart)) continue;
         const Frame common{p.frame[0].t, cross(p.normal, p.frame[0].t), p.normal};
         for (int normal = 0; normal < 3; ++normal) {
             const double turn = 2 * std::numbers::pi * normal / 3;

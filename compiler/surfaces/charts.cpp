@@ -9,12 +9,6 @@
 namespace kiln {
 namespace {
 
-bool share_chart(const FaceDraft& f, const FaceDraft& g) {
-    constexpr double kSameDirection = 1e-6; // radians; over 16,384 units a drift of a sixtieth
-    return f.lit && g.lit && f.under == g.under && !f.face.curved() && f.face.plane == g.face.plane && f.face.model == g.face.model && f.luxel_size == g.luxel_size &&
-           length(f.face.tangent.t - g.face.tangent.t) < kSameDirection && length(f.face.tangent.b - g.face.tangent.b) < kSameDirection;
-}
-
 struct Extent {
     double lo[2] = {1e300, 1e300}, hi[2] = {-1e300, -1e300};
 };

@@ -1,4 +1,4 @@
-// Charts: coplanar, edge-connected faces of one tangent frame and luxel size share a luxel grid.
+// Charts: coplanar, edge-connected faces of one tangent frame and luxel size share a luxel grid, but not across thin walls.
 #pragma once
 #include "compiler/surfaces/adjacency.h"
 #include "compiler/surfaces/faces.h"

@@ -1,5 +1,6 @@
 #include "compiler/surfaces/faces.h"
 #include "compiler/surfaces/feet.h"
+#include "compiler/surfaces/walls.h"
 #include "libs/core/check.h"
 #include <algorithm>
 #include <cmath>
@@ -214,47 +215,99 @@ bool tangent_frame(const DocTexture& texture, Vec3 normal, Frame& frame) {
     return true;
 }
 
+bool share_chart(const FaceDraft& f, const FaceDraft& g) {
+    constexpr double kSameDirection = 1e-6; // radians; over 16,384 units a drift of a sixtieth
+    return f.lit && g.lit && f.under == g.under && f.part == g.part && !f.face.curved() && f.face.plane == g.face.plane && f.face.model == g.face.model &&
+           f.luxel_size == g.luxel_size && length(f.face.tangent.t - g.face.tangent.t) < kSameDirection &&
+           length(f.face.tangent.b - g.face.tangent.b) < kSameDirection;
+}
+
+namespace {
+
+// What all faces of a group have in common.
+FaceDraft draft_of(const Group& group, const World& world, const SurfacesOptions& options, const PlaneTable& planes, Context& context) {
+    const WorldSide& side = world.sides[group.side.at()];
+    const WorldBrush& brush = world.brushes[group.brush.at()];
+    // What closes a gap is black: it keeps light in, shows nothing and sends nothing back.
+    const Visibility visibility = group.gap ? Visibility{.keep = true, .blocks = true, .hull = true}
+                                            : side_visibility(world, side, brush, group.behind);
+    FaceDraft draft;
+    Face& face = draft.face;
+    face.side = group.side;
+    face.material = side.material;
+    face.model = group.model;
+    face.plane = group.plane;
+    face.normal = planes.normal(group.plane);
+    face.distance = planes.distance(group.plane);
+    face.drawn = visibility.drawn;
+    face.blocks_light = visibility.blocks;
+    face.sky = visibility.sky;
+    face.two_sided = visibility.two_sided;
+    face.hull = visibility.hull;
+    draft.lit = visibility.lit;
+    draft.under = group.under;
+    draft.luxel_size = side.lightmap_scale > 0 && std::isfinite(side.lightmap_scale) ? side.lightmap_scale : 16;
+    if (!group.gap) read_smoothing(world, side, brush, options, draft);
+    if (!tangent_frame(side.texture, face.normal, face.tangent) && face.drawn)
+        context.report(Severity::warning, "texture-axes-degenerate",
+                       fmt::format("the texture axes of '{}' do not span the face: its tangent frame is arbitrary",
+                                   world.materials[side.material.at()].name),
+                       world.location(group.side));
+    return draft;
+}
+
+// The charts that walls part: a number for each polygon, as in FaceDraft::part.
+std::vector<std::uint32_t> part_groups(const Groups& groups, const std::vector<FaceDraft>& drafts, const VertexTable& vertices) {
+    std::vector<std::uint32_t> part(groups.polygons.size(), 0);
+    std::map<std::tuple<ModelId, PlaneId, std::uint32_t>, std::vector<std::uint32_t>> of_plane; // lit groups
+    for (std::uint32_t g = 0; g < drafts.size(); ++g)
+        if (const Group& group = groups.groups[g]; drafts[g].lit) of_plane[{group.model, group.plane, group.under}].push_back(g);
+    for (auto& [key, waiting] : of_plane)
+        while (!waiting.empty()) { // those that may share a chart
+            const FaceDraft& first = drafts[waiting.front()];
+            std::vector<std::uint32_t> left, members;
+            std::vector<std::vector<Vec2>> polygons;
+            const Vec3 s = first.face.tangent.t, t = cross(first.face.normal, s);
+            for (const std::uint32_t g : waiting) {
+                if (!share_chart(first, drafts[g])) {
+                    left.push_back(g);
+                    continue;
+                }
+                for (std::uint32_t i = groups.groups[g].first; i < groups.groups[g].first + groups.groups[g].count; ++i) {
+                    members.push_back(i);
+                    std::vector<Vec2>& polygon = polygons.emplace_back();
+                    for (const VertexId v : PolygonSpan(groups.polygons, i, 1)[0]) {
+                        const Vec3 x = vertices.position(v);
+                        polygon.push_back({dot(x, s) / first.luxel_size, dot(x, t) / first.luxel_size});
+                    }
+                }
+            }
+            const std::vector<std::uint32_t> numbers = part_at_walls(polygons);
+            for (std::size_t i = 0; i < members.size(); ++i) part[members[i]] = numbers[i];
+            waiting = std::move(left);
+        }
+    return part;
+}
+
+} // namespace
+
 std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,
                                         const SurfacesOptions& options, Feet& feet, VertexTable& vertices, Context& context) {
     const Groups groups = collect(world, csg, bsp, feet, vertices);
+    std::vector<FaceDraft> of_group;
+    for (const Group& group : groups.groups) of_group.push_back(draft_of(group, world, options, vertices.planes(), context));
+    context.check_cancelled();
+    const std::vector<std::uint32_t> part = part_groups(groups, of_group, vertices);
     RegionMerger merger(vertices);
     std::vector<FaceDraft> drafts;
-    for (const Group& group : groups.groups) {
-        context.check_cancelled();
-        const WorldSide& side = world.sides[group.side.at()];
-        const WorldBrush& brush = world.brushes[group.brush.at()];
-        // What closes a gap is black: it keeps light in, shows nothing and sends nothing back.
-        const Visibility visibility = group.gap ? Visibility{.keep = true, .blocks = true, .hull = true}
-                                                : side_visibility(world, side, brush, group.behind);
-        FaceDraft draft;
-        Face& face = draft.face;
-        face.side = group.side;
-        face.material = side.material;
-        face.model = group.model;
-        face.plane = group.plane;
-        face.normal = vertices.planes().normal(group.plane);
-        face.distance = vertices.planes().distance(group.plane);
-        face.drawn = visibility.drawn;
-        face.blocks_light = visibility.blocks;
-        face.sky = visibility.sky;
-        face.two_sided = visibility.two_sided;
-        face.hull = visibility.hull;
-        draft.lit = visibility.lit;
-        draft.under = group.under;
-        draft.luxel_size = side.lightmap_scale > 0 && std::isfinite(side.lightmap_scale) ? side.lightmap_scale : 16;
-        if (!group.gap) read_smoothing(world, side, brush, options, draft);
-        if (!tangent_frame(side.texture, face.normal, face.tangent) && face.drawn)
-            context.report(Severity::warning, "texture-axes-degenerate",
-                           fmt::format("the texture axes of '{}' do not span the face: its tangent frame is arbitrary",
-                                       world.materials[side.material.at()].name),
-                           world.location(group.side));
+    // One part of a group after the other; `of`: which of the group's polygons these are, in the order of the span.
+    const auto add = [&](FaceDraft& draft, const PolygonSpan polygons, std::span<const std::uint32_t> of) {
         bool merged = true;
-        const PolygonSpan polygons(groups.polygons, group.first, group.count);
-        std::vector<Region> regions = merger.merge(group.plane, polygons, merged);
+        std::vector<Region> regions = merger.merge(draft.face.plane, polygons, merged);
         if (!merged)
             context.report(Severity::note, "face-not-merged",
-                           fmt::format("{} parts of this face could not be merged and stay separate", group.count),
-                           world.location(group.side));
+                           fmt::format("{} parts of this face could not be merged and stay separate", polygons.size()),
+                           world.location(draft.face.side));
         for (Region& region : regions) {
             FaceDraft& d = drafts.emplace_back(draft);
             Vec3 area;
@@ -262,7 +315,7 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
             d.face.area = std::max(0.0, dot(area, d.face.normal));
             for (const VertexId v : region.loops[0].vertices) d.face.bounds.add(vertices.position(v));
             for (const std::uint32_t m : region.members)
-                if (const ClusterId c = groups.clusters[group.first + m]; c.valid()) d.face.clusters.push_back(c);
+                if (const ClusterId c = groups.clusters[of[m]]; c.valid()) d.face.clusters.push_back(c);
             std::ranges::sort(d.face.clusters);
             d.face.clusters.erase(std::unique(d.face.clusters.begin(), d.face.clusters.end()), d.face.clusters.end());
             if (region.loops.size() == 1 && convex(vertices, region.loops[0].vertices, d.face.normal))
@@ -270,6 +323,30 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
             else
                 for (const std::uint32_t m : region.members) d.convex.emplace_back(polygons[m].begin(), polygons[m].end());
             d.loops = std::move(region.loops);
+        }
+    };
+    std::vector<std::uint32_t> all(groups.polygons.size());
+    std::iota(all.begin(), all.end(), 0u);
+    for (std::size_t g = 0; g < groups.groups.size(); ++g) {
+        context.check_cancelled();
+        const Group& group = groups.groups[g];
+        FaceDraft& draft = of_group[g];
+        const std::span<std::uint32_t> of = std::span(all).subspan(group.first, group.count);
+        std::ranges::stable_sort(of, {}, [&](std::uint32_t i) { return part[i]; });
+        if (part[of.front()] == part[of.back()]) {
+            draft.part = part[of.front()];
+            add(draft, PolygonSpan(groups.polygons, group.first, group.count), of);
+            continue;
+        }
+        for (std::size_t from = 0, to = 0; from < of.size(); from = to) {
+            Polygons some;
+            for (draft.part = part[of[from]]; to < of.size() && part[of[to]] == draft.part; ++to) {
+                const PolygonSpan one(groups.polygons, of[to], 1);
+                some.vertices.insert(some.vertices.end(), one[0].begin(), one[0].end());
+                some.lines.insert(some.lines.end(), one.lines().begin(), one.lines().end());
+                some.first.push_back(static_cast<std::uint32_t>(some.vertices.size()));
+            }
+            add(draft, some, of.subspan(from, to - from));
         }
     }
     return drafts;

@@ -21,7 +21,11 @@ struct FaceDraft {
     double phong_concave_deg = 0;    // where faces meet in a groove; 0: the same angle
     int phong_group = 0;             // smoothed by angle with faces of the same group only
     std::uint32_t under = 0;         // what stands on it, as in Feet::Part
+    std::uint32_t part = 0;          // parted from others by a thin wall, as in part_at_walls
 };
+
+// Two faces are on one luxel grid where they are joined edge to edge.
+bool share_chart(const FaceDraft& f, const FaceDraft& g);
 
 std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, const Bsp& bsp,
                                         const SurfacesOptions& options, Feet& feet, VertexTable& vertices, Context& context);

@@ -116,7 +116,7 @@ TEST(AmbientBaked, NoCubeInsideDetail) {
 
 // A floor goes on from a lit room into a dark one. At its rim and at the foot of the wall, lookups read texels that no face covers: these have nothing from beyond the wall.
 TEST(FieldBaked, NoLightIsShownAtTheFootOfAWall) {
-    for (const double thick : {16.0, 40.0}) { // luxels under the second are covered whole
+    for (const double thick : {1.0, 6.0, 16.0, 24.0, 40.0}) { // luxels under the last are covered whole; those of the first lie on both sides
         test::WorldBuilder w;
         const MaterialId grey = w.material("grey", 0, {0.5f, 0.5f, 0.5f});
         w.room({0, 0, 0}, {256, 128, 96}, 16, grey);

@@ -18,13 +18,13 @@ const Luxel* luxel_at(const Surfaces& s, ChartId chart, Vec3 p) {
 TEST(Luxels, AWallCoversPartOfATexel) {
     WorldBuilder b;
     sealed_room(b, {0, 0, 0}, {256, 256, 128});
-    b.box({0, 100, 0}, {200, 110, 128}); // 16 unit texels: covers y 100..110 of the row 96..112
+    b.box({104, 100, 0}, {200, 110, 128}); // 16 unit texels: covers y 100..110 of the row 96..112; too short to part the chart
     const Surfaces s = build(b.world).surfaces;
     const std::vector<FaceId> floor = faces_on(s, {0, 0, 1}, 0);
     ASSERT_EQ(floor.size(), 1u);
     const ChartId chart = s.faces[floor[0].at()].chart;
-    EXPECT_NEAR(footprint_area(s, chart), 256. * 256 - 200. * 10, 1e-2);
-    const Luxel* partly = luxel_at(s, chart, {24, 104, 0});
+    EXPECT_NEAR(footprint_area(s, chart), 256. * 256 - 96. * 10, 1e-2);
+    const Luxel* partly = luxel_at(s, chart, {120, 104, 0});
     ASSERT_NE(partly, nullptr);
     EXPECT_NEAR(partly->area, 6.0 / 16, 1e-7); // 4 units on one side, 2 on the other
     EXPECT_EQ(partly->piece_count, 2u);

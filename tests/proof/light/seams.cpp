@@ -120,6 +120,15 @@ SeamMap door(double thickness, double offset) { // stands on the edge of two flo
     return m;
 }
 
+// A wall thinner than a luxel parts floor and ceiling as far as it goes, and the charts of both sides go on past its end. There, within a luxel, they
+// cannot show the same: what is read at the end of the wall is read at its foot too.
+SeamMap wall_end(double thickness, double at, double length) {
+    SeamMap m = room(fmt::format("wall of {} at {} that ends after {}", thickness, at, length), false);
+    m.builder.box({at, 0, -64}, {at + thickness, length, 192});
+    m.apart = [=](Vec3 p) { return std::max({at - p.x, p.x - at - thickness, std::abs(p.y - length)}) < 16; };
+    return m;
+}
+
 // An edge of the mesh across which a surface goes on in another chart, or elsewhere in its own.
 struct Edge {
     std::array<FaceId, 2> face;
@@ -184,6 +193,9 @@ std::vector<SeamMap> seam_maps() {
     maps.push_back(door(8, 0));
     maps.push_back(door(0.25, 0));
     maps.push_back(door(1, 0.25));
+    maps.push_back(wall_end(1, 256, 320));
+    maps.push_back(wall_end(3, 251.5, 397));
+    maps.push_back(wall_end(12, 250, 300));
     return maps;
 }
 
