@@ -1,4 +1,5 @@
 #include "compiler/compile.h"
+#include "compiler/density/shown_error.h"
 #include "compiler/light/memo.h"
 #include "compiler/stage.h"
 #include "compiler/visibility/shut.h"
@@ -235,7 +236,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 15, kAmbientVersion = 7, kDensityVersion = 5;
+constexpr std::uint32_t kLightVersion = 16, kAmbientVersion = 7, kDensityVersion = 6;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
@@ -360,7 +361,14 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
                                     [&] {
                                         Memo memo;
                                         return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, shape, options.light, options.density), memo, run,
-                                                                  [&](Memo* m) { return level_texels(out.surfaces, out.lighting, options.density, context, m); });
+                                                                  [&](Memo* m) -> Result<Density> {
+                                                                      Result<Density> texels = level_texels(out.surfaces, out.lighting, options.density, context, m);
+                                                                      if (!texels) return texels;
+                                                                      const auto off = shown_error(world, out.surfaces, out.lighting, *texels, field(), {.error_floor = options.density.error_floor}, context);
+                                                                      if (!off) return off.fault();
+                                                                      texels->shown_error = off->percent, texels->shown_error_high = off->high;
+                                                                      return texels;
+                                                                  });
                                     });
     if (!density) return density.fault();
     if (done(Stage::density)) return true;

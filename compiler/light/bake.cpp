@@ -3,15 +3,11 @@
 #include "compiler/light/seams.h"
 #include "libs/core/check.h"
 #include "libs/parallel/parallel.h"
-#include <map>
 #include <numbers>
 #include <numeric>
 
 namespace kiln {
 
-// Distance of ray origins from the rim of their footprint, in push-offs: walls that lean over it as far as 6
-// degrees from the surface do not swallow them.
-constexpr double kMargin = 10;
 constexpr int kPatchRefinements = 3;
 constexpr double kPatchShare = 0.6;                        // of the target, for patches; the noise has as much
 constexpr double kDirectShare = 0.35;                      // for the noise of direct light
@@ -74,6 +70,12 @@ Vec3 shading_normal(const Surfaces& s, FaceId id, Vec3 point) {
     return normal;
 }
 
+Frame light_frame(const Surfaces& s, FaceId id, Vec3 point) {
+    const Face& face = s.faces[id.at()];
+    const Chart& chart = s.charts[face.chart.at()];
+    return chart.smooth ? shading_frame(chart.curved() ? face.tangent : chart.frame, shading_normal(s, id, point)) : chart.frame;
+}
+
 Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchTable& patches,
                         const ReflectedLight& light, const SceneHit& hit, Looked* looked) {
     const Face& face = s.faces[hit.face.at()];
@@ -109,7 +111,7 @@ Vec3 Bake::luxel_centroid(const Luxel& l) const {
 }
 
 Footprint Bake::footprint_of_patch(std::uint32_t p) const {
-    Footprint f(kMargin * scene_.push_off());
+    Footprint f(kBakeMargin * scene_.push_off());
     const Patch& patch = patches_.patches[p];
     const Face& face = surfaces_.faces[patch.face.at()];
     if (!face.chart.valid()) {
@@ -126,7 +128,7 @@ Footprint Bake::footprint_of_patch(std::uint32_t p) const {
 
 // Of a luxel cut in two by a wall, only the larger side.
 Footprint Bake::footprint_of_luxel(std::uint32_t l) const {
-    Footprint f(kMargin * scene_.push_off());
+    Footprint f(kBakeMargin * scene_.push_off());
     const Luxel& luxel = surfaces_.luxels[l];
     for (std::uint32_t k = 0; k < luxel.piece_count; ++k)
         if (patches_.piece_patch[luxel.first_piece + k] == luxel_patch_[l])
@@ -136,14 +138,10 @@ Footprint Bake::footprint_of_luxel(std::uint32_t l) const {
 
 LuxelKernel Bake::kernel_of(std::uint32_t l) const {
     const Luxel& luxel = surfaces_.luxels[l];
-    const Chart& chart = surfaces_.charts[luxel.chart.at()];
     LuxelKernel k;
     k.encoding = options_.encoding;
     k.cone = cones_[luxel.chart.at()].get();
-    k.frame = chart.frame;
-    if (chart.smooth)
-        k.frame = shading_frame(chart.curved() ? surfaces_.faces[luxel.face.at()].tangent : chart.frame,
-                                shading_normal(surfaces_, luxel.face, luxel_centroid(luxel)));
+    k.frame = light_frame(surfaces_, luxel.face, luxel_centroid(luxel));
     return k;
 }
 
@@ -389,24 +387,12 @@ Lighting Bake::run() {
     const std::size_t luxels = surfaces_.luxels.size();
     out_.encoding = options_.encoding;
     // Which charts get directional light, and the table of their cone.
-    std::map<double, std::shared_ptr<const ConeTable>> tables;
-    cones_.resize(surfaces_.charts.size());
+    cones_ = cone_tables(world_, surfaces_, options_.directional, options_.encoding);
     out_.chart_directional.resize(surfaces_.charts.size());
     out_.rnm_first.assign(surfaces_.charts.size(), UINT32_MAX);
     std::size_t rnm = 0;
     for (std::size_t c = 0; c < surfaces_.charts.size(); ++c) {
-        bool wanted = options_.directional == Directional::all;
-        double cone = 0;
-        for (const FaceId f : surfaces_.charts[c].faces) {
-            const Material& m = world_.materials[surfaces_.faces[f.at()].material.at()];
-            if (m.normal_map.empty()) continue;
-            wanted |= options_.directional == Directional::needed;
-            cone = std::max(cone, m.normal_cone_deg);
-        }
-        if (!wanted) continue;
-        auto& table = tables[cone > 0 ? cone : 30];
-        if (!table) table = std::make_shared<ConeTable>(options_.encoding, cone > 0 ? cone : 30);
-        cones_[c] = table;
+        if (!cones_[c]) continue;
         out_.chart_directional[c] = 1;
         out_.rnm_first[c] = static_cast<std::uint32_t>(rnm);
         rnm += static_cast<std::size_t>(surfaces_.charts[c].width) * surfaces_.charts[c].height;

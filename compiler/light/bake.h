@@ -338,8 +338,18 @@ Rgbd reflected_radiance(const Surfaces& surfaces, const LuxelIndex& index, const
 Rgbd sky_radiance(const std::vector<Light>& lights);
 // Of all that makes its light: not the number of its entity.
 std::uint64_t light_id(Light light);
+// Distance of ray origins from the rim of their footprint, in push-offs: walls that lean over it as far as 6
+// degrees from the surface do not swallow them.
+constexpr double kBakeMargin = 10;
 // The shading normal at a point of a face.
 Vec3 shading_normal(const Surfaces& surfaces, FaceId face, Vec3 point);
 Frame shading_frame(const Frame& chart, Vec3 normal);
+// The frame that directional light is stored in at a point of a face with a chart.
+Frame light_frame(const Surfaces& surfaces, FaceId face, Vec3 point);
+// How far the mean of all may lie above and below that of a sample with these weights, each with 95 %. `sampled`: the share of all that it is.
+struct Bounds {
+    double above = 0, below = 0;
+};
+Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled);
 
 } // namespace kiln

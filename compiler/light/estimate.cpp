@@ -20,11 +20,9 @@ constexpr double kOrderTwo = 3, kOrderOne = 1; // 2^order - 1
 // Three contrasts of quarters: an upper bound of a variance is 3 / (0.05 quantile of chi square with 3 degrees) times what they say.
 constexpr double kUpperOfThree = 3 / 0.3518;
 
-// How far the mean of all may lie above and below that of a sample with these weights, each with 95 %. Squares of errors are skewed: a
-// sample hardly ever has its share of the rare large ones, so their skewness moves the bounds (Hall), up most of all.
-struct Bounds {
-    double above = 0, below = 0;
-};
+} // namespace
+
+// Squares of errors are skewed: a sample hardly ever has its share of the rare large ones, so their skewness moves the bounds (Hall), up most of all.
 Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled) {
     const auto n = static_cast<double>(value.size());
     if (n < 2) return {};
@@ -42,8 +40,6 @@ Bounds bounds_of_mean(std::span<const double> value, std::span<const double> wei
     const double shift = skew * (2 * kOneSided * kOneSided + 1) / (6 * root);
     return {se * std::max(0.0, kOneSided + shift), se * std::max(0.0, kOneSided - shift)};
 }
-
-} // namespace
 
 // One luxel of the pilot. `encoding`: with what its encoding makes of other normals.
 PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& coarse, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const {

@@ -1,4 +1,5 @@
 #include "compiler/light/kernels.h"
+#include <map>
 #include <numbers>
 
 namespace kiln {
@@ -142,14 +143,17 @@ std::array<Rgb, 3> LuxelKernel::finish(const KernelSum& sum) const {
 }
 
 std::array<Rgbd, 4> LuxelKernel::shown(const KernelSum& sum) const {
-    std::array<Rgbd, 4> out{sum.flat};
-    if (!cone) return out;
     std::array<Rgbd, 3> stored = sum.rnm;
-    if (encoding == RnmEncoding::sq) {
+    if (cone && encoding == RnmEncoding::sq) {
         const std::array<Rgb, 3> finished = finish(sum);
         for (std::size_t i = 0; i < 3; ++i) stored[i] = static_cast<Rgbd>(finished[i]);
     }
-    for (std::size_t i = 0; i < 3; ++i) {
+    return shown(sum.flat, stored);
+}
+
+std::array<Rgbd, 4> LuxelKernel::shown(Rgbd flat_light, const std::array<Rgbd, 3>& stored) const {
+    std::array<Rgbd, 4> out{flat_light};
+    for (std::size_t i = 0; cone && i < 3; ++i) {
         if (encoding == RnmEncoding::tilted) {
             out[i + 1] = stored[i];
             continue;
@@ -192,6 +196,28 @@ Rgbd rnm_evaluate(RnmEncoding encoding, const std::array<Rgb, 3>& stored, Vec3 n
     }
     for (std::size_t i = 0; i < 3; ++i) e += static_cast<Rgbd>(stored[i]) * dot(kRnmBasis[i], n);
     return {std::max(0.0, e.x), std::max(0.0, e.y), std::max(0.0, e.z)};
+}
+
+std::vector<std::shared_ptr<const ConeTable>> cone_tables(const World& world, const Surfaces& surfaces, Directional directional, RnmEncoding encoding) {
+    constexpr double kUsual_deg = 30;
+    std::map<double, std::shared_ptr<const ConeTable>> tables;
+    std::vector<std::shared_ptr<const ConeTable>> out(surfaces.charts.size());
+    for (std::size_t c = 0; c < surfaces.charts.size(); ++c) {
+        bool wanted = directional == Directional::all;
+        double cone = 0;
+        for (const FaceId f : surfaces.charts[c].faces) {
+            const Material& m = world.materials[surfaces.faces[f.at()].material.at()];
+            if (m.normal_map.empty()) continue;
+            wanted |= directional == Directional::needed;
+            cone = std::max(cone, m.normal_cone_deg);
+        }
+        if (!wanted) continue;
+        if (!(cone > 0)) cone = kUsual_deg;
+        auto& table = tables[cone];
+        if (!table) table = std::make_shared<ConeTable>(encoding, cone);
+        out[c] = table;
+    }
+    return out;
 }
 
 } // namespace kiln

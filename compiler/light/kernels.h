@@ -106,12 +106,17 @@ struct LuxelKernel {
     // What is seen of it, to measure errors by: along the shading normal and, where there is a cone, along three tilted
     // normals: the basis vectors where their irradiance is stored, else those on their azimuths that lean by kTypicalTilt.
     std::array<Rgbd, 4> shown(const KernelSum& sum) const;
+    // The same of values as they are stored.
+    std::array<Rgbd, 4> shown(Rgbd flat, const std::array<Rgbd, 3>& stored) const;
     std::size_t shown_count() const { return cone ? 4 : 1; }
 };
 constexpr double kTypicalTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30
 
 // The flat value and what the directional ones say for the flat normal are one thing (not under `tilted`): moves these to it, as little as possible.
 void follow_flat(RnmEncoding encoding, Rgbd flat, std::array<Rgbd, 3>& rnm);
+
+// Per chart, the table of the cone that the normals of its materials' normal maps lie in; none: flat light only.
+std::vector<std::shared_ptr<const ConeTable>> cone_tables(const World& world, const Surfaces& surfaces, Directional directional, RnmEncoding encoding);
 
 // E~ of stored values for a local normal (unit): the run-time formulas.
 Rgbd rnm_evaluate(RnmEncoding encoding, const std::array<Rgb, 3>& stored, Vec3 local_normal);

@@ -107,18 +107,31 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
     constexpr double kInside = 1e-3;  // luxels
     const std::vector<std::array<Side, 2>> sides = sides_of_seams(s);
     const LuxelIndex index(s);
-    // Of side k: a luxel it reads lies beyond the edge, behind what ends there.
+    // Of side k: what it reads from beyond the edge is behind what ends there, as seen from where else it is read. That is a luxel of its own round the end of a wall, or a
+    // texel of the gutter that would stand for one of the other side's.
     const auto torn = [&](const SeamPoint& point, std::size_t k, double reach) {
         const Face &own = s.faces[point.face[k].at()], &other = s.faces[point.face[1 - k].at()];
         if (own.curved() || own.plane != other.plane) return false;
-        const Bilinear read = bilinear_at(s.charts[own.chart.at()], point.luxel[k]);
+        const Chart& c = s.charts[own.chart.at()];
+        const Bilinear read = bilinear_at(c, point.luxel[k]);
+        const auto baked = [&](std::uint32_t texel) { // its middle
+            const std::uint32_t l = lighting.valid[texel] == 1 ? index.luxel_of(texel) : UINT32_MAX;
+            return l == UINT32_MAX ? std::nullopt : std::optional(world_from_luxel(s, s.luxels[l].face, centroid_of(s, s.luxels[l])));
+        };
+        const Vec3 up = own.normal * kHeight;
         for (std::size_t i = 0; i < 4; ++i) {
-            if (!(read.weight[i] > 0) || lighting.valid[read.texel[i]] != 1) continue;
-            const std::uint32_t l = index.luxel_of(read.texel[i]);
-            if (l == UINT32_MAX) continue;
-            const Vec3 to = world_from_luxel(s, point.face[k], centroid_of(s, s.luxels[l])), up = own.normal * kHeight;
-            if (dot(to - point.position, point.inwards[k]) > -kInside * reach) continue;
-            if (scene.occluded(point.position + point.inwards[1 - k] * (kInside * reach) + up, to + up)) return true;
+            if (!(read.weight[i] > 0)) continue;
+            if (const auto to = baked(read.texel[i])) {
+                if (dot(*to - point.position, point.inwards[k]) <= -kInside * reach && scene.occluded(point.position + point.inwards[1 - k] * (kInside * reach) + up, *to + up)) return true;
+                continue;
+            }
+            const std::uint32_t at = read.texel[i] - c.first_texel;
+            const Vec2 there = luxel_from_world(s, point.face[1 - k], world_from_luxel(s, point.face[k], {at % c.width + 0.5, at / c.width + 0.5}));
+            const Chart& d = s.charts[other.chart.at()];
+            if (!(there.x >= 0 && there.y >= 0 && there.x < d.width && there.y < d.height)) continue;
+            const auto to = baked(d.first_texel + static_cast<std::uint32_t>(there.y) * d.width + static_cast<std::uint32_t>(there.x));
+            for (std::size_t q = 0; to && q < 4; ++q)
+                if (const auto from = read.weight[q] > 0 ? baked(read.texel[q]) : std::nullopt; from && scene.occluded(*from + up, *to + up)) return true;
         }
         return false;
     };
@@ -365,7 +378,7 @@ void Matching::go_on(Part& part) const {
     };
     std::vector<std::pair<std::uint32_t, std::uint32_t>> by_texel; // texel, 2 point + side
     for (std::uint32_t j = 0; j < part.points.size(); ++j)
-        for (std::uint32_t k = 0; k < 2; ++k)
+        for (std::uint32_t k = 0; k < 2 && !part.points[j].torn; ++k)
             for (std::size_t i = 0; i < 4; ++i)
                 if (part.reads[j][k].weight[i] > 0) by_texel.emplace_back(part.reads[j][k].texel[i], 2 * j + k);
     std::ranges::sort(by_texel);
@@ -391,6 +404,7 @@ void Matching::go_on(Part& part) const {
             }
             inside += here;
             if (here) continue;
+            if (seen.empty()) continue;
             std::uint32_t nearest = 0;
             double least = 1e30;
             for (const auto& [x, code] : seen) {

@@ -43,8 +43,7 @@ struct SeamPoint {
     std::array<Vec3, 2> inwards; // unit, across the edge in each face
     std::array<Vec2, 2> luxel;
     std::array<Frame, 2> frame; // that each side's directional light is read in
-    // Beside the end of a wall: one side reads a luxel of its own from round it, which the other side must not show at the foot of the wall. What both show here
-    // cannot be the same.
+    // Beside the end of a wall: a side reads what lies round it, and so would show that at the foot of the wall. What both sides show here cannot be the same.
     bool torn = false;
 };
 // Points along all seams, `density` to a luxel of the finer side, where light may go from one side to the other: the surfaces of one

@@ -31,10 +31,11 @@ std::string number(double value) { // shortest that reads back the same
     char text[40];
     return std::isfinite(value) ? std::string(text, std::to_chars(text, text + sizeof text, value).ptr) : "null";
 }
-std::string error_json(const ErrorReport& e) {
+std::string error_json(const ErrorReport& e, const Density* density) {
     return "{\"target\":" + number(e.target) + ",\"estimate\":" + number(e.estimate) + ",\"low\":" + number(e.low) +
            ",\"high\":" + number(e.high) + ",\"noise\":" + number(e.noise) + ",\"patch_bias\":" + number(e.patch_bias) +
-           ",\"iteration\":" + number(e.iteration) + ",\"shortcuts\":" + number(e.shortcuts) + ",\"solution\":" + number(e.solution) + ",\"representation\":" + number(e.representation) + "}";
+           ",\"iteration\":" + number(e.iteration) + ",\"shortcuts\":" + number(e.shortcuts) + ",\"solution\":" + number(e.solution) + ",\"representation\":" + number(e.representation) +
+           (density && density->shown_error_high > 0 ? ",\"shown\":" + number(density->shown_error) + ",\"shown_high\":" + number(density->shown_error_high) : "") + "}";
 }
 
 bool coarse(const PackInput& in) { return in.density && !in.density->grids.empty(); }
@@ -386,7 +387,7 @@ level::LevelContent level_content(const PackInput& in, Context& context) {
     const std::size_t slash = in.world.file.find_last_of("/\\");
     out.source_name = slash == std::string::npos ? in.world.file : in.world.file.substr(slash + 1);
     out.compiler_version = in.version, out.options_json = in.options_json, out.input_hash = in.input_hash;
-    out.error_json = error_json(in.lighting.error);
+    out.error_json = error_json(in.lighting.error, in.density);
     out.rnm_encoding = static_cast<std::uint8_t>(in.lighting.encoding);
     out.model_count = std::max(1u, in.world.model_count);
     add_files(in.world, out);

@@ -225,7 +225,7 @@ int run(Options& o) {
         for (const auto& [file, text] : {std::pair{std::string("light.csv"), light_csv(all)}, std::pair{"light_" + name + ".svg", light_svg(name, all)}, std::pair{std::string("light.html"), light_html(done, all, remark)}})
             if (auto written = write_file(o.output + "/" + file, text); !written) return console.fail(written.fault());
     }
-    if (known.runs > 0 && !o.truth.shown) // the estimate is one of luxels
+    if (known.runs > 0)
         print_output(fmt::format("the estimate covers the true error in {} of {} bakes, its upper bound in {}, never under by more than {:.2f} and {:.2f} times\n", known.within_estimate, known.runs, known.within_high,
                                  std::max(1.0, known.over_estimate), std::max(1.0, known.over_high)));
     return print_output(fmt::format("charts of {} scenes: {}/light.html\n", done.size(), o.output));

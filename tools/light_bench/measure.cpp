@@ -1,5 +1,5 @@
 #include "tools/light_bench/measure.h"
-#include "compiler/density/density.h"
+#include "compiler/density/shown_error.h"
 #include "compiler/light/seams.h"
 #include "libs/core/file.h"
 #include "libs/core/process.h"
@@ -114,18 +114,11 @@ std::optional<Rgbd> radiance_everywhere(const LightScene& in, const rivals::Scen
 }
 
 // What bilinear filtering of a level's texels shows at the places of truth.
-std::vector<Irradiance> shown_at(const Surfaces& surfaces, const Truth& truth, const Density& texels, bool flat) {
+std::vector<Irradiance> shown_at(const Surfaces& surfaces, const Lighting& lighting, const Truth& truth, const Density& texels) {
     std::vector<Irradiance> out;
     for (std::size_t i = 0; i < truth.luxels.size(); ++i) {
-        const Luxel& luxel = surfaces.luxels[truth.luxels[i]];
-        const ChartGrid& g = texels.grids[luxel.chart.at()];
-        const Bilinear read = bilinear_at(g.width, g.height, texel_from_luxel(g, luxel_from_world(surfaces, luxel.face, truth.places[i])));
-        Irradiance e{};
-        for (std::size_t k = 0; k < 4; ++k) {
-            e[0] += static_cast<Rgbd>(texels.flat[g.first_texel + read.texel[k]]) * read.weight[k];
-            for (std::size_t d = 0; !flat && d < 3; ++d) e[d + 1] += static_cast<Rgbd>(texels.rnm[g.first_rnm + read.texel[k]][d]) * read.weight[k];
-        }
-        out.push_back(e);
+        const ShownTexels read = filtered_at(surfaces, lighting, texels, surfaces.luxels[truth.luxels[i]].face, truth.places[i]);
+        out.push_back({read.flat, read.rnm[0], read.rnm[1], read.rnm[2]}); // `tilted`: irradiance along the basis
     }
     return out;
 }
@@ -257,7 +250,14 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
             m.skipped = texels.fault().diagnostic.message;
             return m;
         }
-        m.values = shown_at(in.surfaces, truth, *texels, flat);
+        m.values = shown_at(in.surfaces, *baked, truth, *texels);
+        const LightField field(in.world, in.bsp, in.bsp.planes, in.surfaces, in.lights, *baked);
+        const Result<ShownError> own = shown_error(in.world, in.surfaces, *baked, *texels, field, {.seed = seed}, context);
+        if (!own) {
+            m.skipped = own.fault().diagnostic.message;
+            return m;
+        }
+        m.estimate = own->percent, m.high = own->high, m.low = 0;
     }
     m.errors = compare(truth, m.values, flat ? 1 : 4);
     return m;

@@ -1,0 +1,158 @@
+#include "compiler/density/shown_error.h"
+#include "compiler/light/bake.h"
+#include "compiler/light/seams.h"
+#include "libs/parallel/parallel.h"
+#include "libs/sampling/sobol.h"
+#include <algorithm>
+#include <cmath>
+
+namespace kiln {
+namespace {
+
+using Shown = std::array<Rgbd, 4>; // as LuxelKernel::shown
+
+struct Place {
+    std::uint32_t luxel = 0;
+    FaceId face;
+    Vec3 position;
+};
+
+class Asking {
+public:
+    Asking(const World& world, const Surfaces& s, const Lighting& light, const Density& texels, const LightField& field, const ShownErrorOptions& options)
+        : s_(s), light_(light), texels_(texels), field_(field), options_(options), cones_(cone_tables(world, s, directional_of(light), light.encoding)) {}
+
+    // By area, one in each of equal strata.
+    std::vector<Place> places() const {
+        std::vector<std::uint32_t> candidates;
+        std::vector<double> cumulative;
+        double area = 0;
+        for (std::uint32_t l = 0; l < s_.luxels.size(); ++l) {
+            const Luxel& luxel = s_.luxels[l];
+            const Chart& c = s_.charts[luxel.chart.at()];
+            if (light_.valid[c.first_texel + luxel.y * c.width + luxel.x] != 1) continue;
+            candidates.push_back(l), cumulative.push_back(area += luxel.area * luxel_area(s_, luxel.face));
+        }
+        const auto count = static_cast<std::uint32_t>(std::min<std::size_t>(options_.places, candidates.size()));
+        std::vector<Place> out;
+        Random random(mix(options_.seed, std::uint64_t{91}));
+        for (std::uint32_t i = 0; i < count && area > 0; ++i) {
+            const auto at = std::ranges::lower_bound(cumulative.begin(), cumulative.end() - 1, area * (i + random()) / count) - cumulative.begin();
+            const Vec2 u{random(), random()};
+            if (const auto place = place_in(candidates[static_cast<std::size_t>(at)], u)) out.push_back(*place);
+        }
+        return out;
+    }
+
+    Shown shown_at(const Place& place) const {
+        const ShownTexels read = filtered_at(s_, light_, texels_, place.face, place.position);
+        return kernel_at(place).shown(read.flat, read.rnm);
+    }
+    Shown light_at(const Place& place, std::uint64_t answer) const {
+        const LuxelKernel kernel = kernel_at(place);
+        KernelSum sum;
+        field_.arriving(place.position, s_.faces[place.face.at()].normal, options_.rays, mix_place(place.position, options_.seed, 92 + answer),
+                        [&](Vec3 direction, Rgbd weight) { kernel.add(sum, direction, weight); });
+        return kernel.shown(sum);
+    }
+    std::size_t normals_at(const Place& place) const { return kernel_at(place).shown_count(); }
+
+private:
+    const Surfaces& s_;
+    const Lighting& light_;
+    const Density& texels_;
+    const LightField& field_;
+    const ShownErrorOptions& options_;
+    std::vector<std::shared_ptr<const ConeTable>> cones_;
+
+    static Directional directional_of(const Lighting& light) {
+        if (std::ranges::all_of(light.chart_directional, [](std::uint8_t d) { return d != 0; })) return Directional::all;
+        return std::ranges::none_of(light.chart_directional, [](std::uint8_t d) { return d != 0; }) ? Directional::none : Directional::needed;
+    }
+    LuxelKernel kernel_at(const Place& place) const {
+        return {light_frame(s_, place.face, place.position), light_.encoding, cones_[s_.luxels[place.luxel].chart.at()].get()};
+    }
+    std::optional<Place> place_in(std::uint32_t l, Vec2 u) const {
+        const Luxel& luxel = s_.luxels[l];
+        double all = 0;
+        std::vector<Footprint> pieces;
+        for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
+            pieces.emplace_back(kBakeMargin * field_.scene().push_off()).add_piece(s_, s_.pieces[luxel.first_piece + k]);
+            all += pieces.back().area();
+        }
+        double at = u.x * all;
+        for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
+            const double area = pieces[k].area();
+            if (!(area > 0)) continue;
+            if (at < area || k + 1 == luxel.piece_count) return Place{l, s_.pieces[luxel.first_piece + k].face, pieces[k].sample({std::min(at / area, 1 - 1e-12), u.y}).position};
+            at -= area;
+        }
+        return std::nullopt;
+    }
+};
+
+} // namespace
+
+ShownTexels filtered_at(const Surfaces& s, const Lighting& light, const Density& texels, FaceId face, Vec3 point) {
+    const ChartId chart = s.faces[face.at()].chart;
+    const Chart& c = s.charts[chart.at()];
+    const bool own = texels.grids.empty();
+    ChartGrid grid;
+    if (own) grid.width = c.width, grid.height = c.height, grid.first_texel = c.first_texel, grid.first_rnm = light.rnm_first[chart.at()];
+    else grid = texels.grids[chart.at()];
+    const Bilinear read = bilinear_at(grid.width, grid.height, texel_from_luxel(grid, luxel_from_world(s, face, point)));
+    ShownTexels out;
+    for (std::size_t k = 0; k < 4; ++k) {
+        out.flat += static_cast<Rgbd>((own ? light.flat : texels.flat)[grid.first_texel + read.texel[k]]) * read.weight[k];
+        for (std::size_t i = 0; grid.first_rnm != UINT32_MAX && i < 3; ++i)
+            out.rnm[i] += static_cast<Rgbd>((own ? light.rnm : texels.rnm)[grid.first_rnm + read.texel[k]][i]) * read.weight[k];
+    }
+    return out;
+}
+
+Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, const Lighting& lighting, const Density& texels, const LightField& field,
+                               const ShownErrorOptions& options, Context& context) {
+    try {
+        const Asking asking(world, surfaces, lighting, texels, field, options);
+        const std::vector<Place> places = asking.places();
+        struct Answer {
+            std::size_t normals = 0;
+            Shown shown, light[2];
+        };
+        std::vector<Answer> answers(places.size());
+        parallel_for(context, "what is shown", places.size(), [&](std::size_t i) {
+            answers[i] = {asking.normals_at(places[i]), asking.shown_at(places[i]), {asking.light_at(places[i], 0), asking.light_at(places[i], 1)}};
+        });
+        ShownError out;
+        out.places = static_cast<std::uint32_t>(places.size());
+        double most = 0;
+        for (std::size_t normal = 0; normal < 4; ++normal) {
+            std::vector<double> square;
+            Rgbd level;
+            for (const Answer& a : answers)
+                if (normal < a.normals) level += (a.light[0][normal] + a.light[1][normal]) * 0.5, square.push_back(0);
+            if (square.empty()) continue;
+            level = level / static_cast<double>(square.size());
+            std::size_t at = 0;
+            for (const Answer& a : answers) {
+                if (normal >= a.normals) continue;
+                double& sum = square[at++];
+                for (std::size_t c = 0; c < 3; ++c) {
+                    const double scale = std::max(0.5 * (a.light[0][normal][c] + a.light[1][normal][c]), options.error_floor * level[c]);
+                    if (scale > 0) sum += (a.shown[normal][c] - a.light[0][normal][c]) * (a.shown[normal][c] - a.light[1][normal][c]) / (3 * scale * scale);
+                }
+            }
+            const std::vector<double> weight(square.size(), 1);
+            double mean = 0;
+            for (const double q : square) mean += q / static_cast<double>(square.size());
+            out.percent = std::max(out.percent, 100 * std::sqrt(std::max(0.0, mean)));
+            most = std::max(most, mean + bounds_of_mean(square, weight, 0).above);
+        }
+        out.high = 100 * std::sqrt(std::max(0.0, most));
+        return out;
+    } catch (const Cancelled&) {
+        return fault(Exit::cancelled, "cancelled", "stopped while looking at what is shown");
+    }
+}
+
+} // namespace kiln

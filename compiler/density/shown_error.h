@@ -1,0 +1,37 @@
+// How far off is what a level shows? Luxels are means; between their middles filtering shows something else, on a coarser grid all the more. At
+// random places of what is lit the light is asked for anew and held against what filtering shows there.
+//
+// In       surfaces, lighting as baked, the texels of the level; the field that other stages ask for light
+// Out      percent, as an error of light (ErrorReport): root mean square over area, of the worst of the shading normal and, where light is
+//          directional, three leaning ones; the likeliest, and what it lies below with 95 %. The encoding's own share is left out, and what the bounces and patches
+//          are off by: whoever asks the field gets that too
+// Errors   cancelled
+// Method   two answers a place, each noisy by itself: the product of what the texels are away from the one and from the other has none of their noise
+#pragma once
+#include "compiler/density/density.h"
+#include "compiler/light/field.h"
+
+namespace kiln {
+
+// What bilinear filtering of a level's texels (of `lighting` itself, where `texels` has no grids) makes of flat light, and of the values stored for directional
+// light where the chart has any, at a point of a face with a chart.
+struct ShownTexels {
+    Rgbd flat;
+    std::array<Rgbd, 3> rnm{};
+};
+ShownTexels filtered_at(const Surfaces& surfaces, const Lighting& lighting, const Density& texels, FaceId face, Vec3 point);
+
+struct ShownErrorOptions {
+    std::uint32_t places = 2048;
+    std::uint32_t rays = 64;   // of an answer; a power of two
+    double error_floor = 0.02; // of the mean light: what is darker is measured against that much
+    std::uint64_t seed = 0;
+};
+struct ShownError {
+    double percent = 0, high = 0;
+    std::uint32_t places = 0; // looked at
+};
+Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, const Lighting& lighting, const Density& texels, const LightField& field,
+                               const ShownErrorOptions& options, Context& context);
+
+} // namespace kiln
