@@ -366,7 +366,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
                                                                       if (!texels) return texels;
                                                                       const auto off = shown_error(world, out.surfaces, out.lighting, *texels, field(), {.error_floor = options.density.error_floor}, context);
                                                                       if (!off) return off.fault();
-                                                                      texels->shown_error = off->percent, texels->shown_error_high = off->high;
+                                                                      texels->shown_error = off->percent, texels->shown_error_high = off->high, texels->shown_error_p95 = off->p95;
                                                                       return texels;
                                                                   });
                                     });

@@ -2,6 +2,7 @@
 #include "compiler/light/bake.h"
 #include "compiler/light/seams.h"
 #include "libs/parallel/parallel.h"
+#include "libs/sampling/maps.h"
 #include "libs/sampling/sobol.h"
 #include <algorithm>
 #include <cmath>
@@ -46,14 +47,27 @@ public:
 
     Shown shown_at(const Place& place) const {
         const ShownTexels read = filtered_at(s_, light_, texels_, place.face, place.position);
-        return kernel_at(place).shown(read.flat, read.rnm);
+        return LuxelKernel::displayed(kernel_at(place).shown(read.flat, read.rnm));
     }
     Shown light_at(const Place& place, std::uint64_t answer) const {
         const LuxelKernel kernel = kernel_at(place);
         KernelSum sum;
         field_.arriving(place.position, s_.faces[place.face.at()].normal, options_.rays, mix_place(place.position, options_.seed, 92 + answer),
                         [&](Vec3 direction, Rgbd weight) { kernel.add(sum, direction, weight); });
-        return kernel.shown(sum);
+        return LuxelKernel::displayed(kernel.shown(sum));
+    }
+    // In something solid that does not cut the face, a brush model or terrain: nobody looks at it.
+    bool buried(const Place& place) const {
+        constexpr std::uint32_t kRays = 16, kMost = 2; // 1 in 8, as for luxels
+        const Vec3 n = s_.faces[place.face.at()].normal, from = place.position + n * field_.scene().push_off();
+        const Frame frame = frame_around(n);
+        const Sobol points(mix_place(place.position, options_.seed, std::uint64_t{90}));
+        std::uint32_t back = 0;
+        for (std::uint32_t i = 0; i < kRays; ++i) {
+            const auto hit = field_.scene().closest(from, frame.world(cosine_hemisphere(points.pair(i, 0))));
+            back += hit && hit->back;
+        }
+        return back >= kMost;
     }
     std::size_t normals_at(const Place& place) const { return kernel_at(place).shown_count(); }
 
@@ -121,11 +135,12 @@ Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, con
         };
         std::vector<Answer> answers(places.size());
         parallel_for(context, "what is shown", places.size(), [&](std::size_t i) {
-            answers[i] = {asking.normals_at(places[i]), asking.shown_at(places[i]), {asking.light_at(places[i], 0), asking.light_at(places[i], 1)}};
+            if (!asking.buried(places[i])) answers[i] = {asking.normals_at(places[i]), asking.shown_at(places[i]), {asking.light_at(places[i], 0), asking.light_at(places[i], 1)}};
         });
         ShownError out;
-        out.places = static_cast<std::uint32_t>(places.size());
+        out.places = static_cast<std::uint32_t>(std::ranges::count_if(answers, [](const Answer& a) { return a.normals > 0; }));
         double most = 0;
+        std::vector<double> relative;
         for (std::size_t normal = 0; normal < 4; ++normal) {
             std::vector<double> square;
             Rgbd level;
@@ -137,18 +152,25 @@ Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, con
             for (const Answer& a : answers) {
                 if (normal >= a.normals) continue;
                 double& sum = square[at++];
+                if (normal == 0) {
+                    const Rgbd light = (a.light[0][0] + a.light[1][0]) * 0.5;
+                    const double scale = std::max(mean(light), options.error_floor * mean(level));
+                    relative.push_back(scale > 0 ? std::abs(mean(a.shown[0]) - mean(light)) / scale : 0);
+                }
                 for (std::size_t c = 0; c < 3; ++c) {
                     const double scale = std::max(0.5 * (a.light[0][normal][c] + a.light[1][normal][c]), options.error_floor * level[c]);
                     if (scale > 0) sum += (a.shown[normal][c] - a.light[0][normal][c]) * (a.shown[normal][c] - a.light[1][normal][c]) / (3 * scale * scale);
                 }
             }
             const std::vector<double> weight(square.size(), 1);
-            double mean = 0;
-            for (const double q : square) mean += q / static_cast<double>(square.size());
-            out.percent = std::max(out.percent, 100 * std::sqrt(std::max(0.0, mean)));
-            most = std::max(most, mean + bounds_of_mean(square, weight, 0).above);
+            double sum = 0;
+            for (const double q : square) sum += q / static_cast<double>(square.size());
+            out.percent = std::max(out.percent, 100 * std::sqrt(std::max(0.0, sum)));
+            most = std::max(most, sum + bounds_of_mean(square, weight, 0).above);
         }
         out.high = 100 * std::sqrt(std::max(0.0, most));
+        std::ranges::sort(relative);
+        if (!relative.empty()) out.p95 = 100 * relative[relative.size() * 95 / 100];
         return out;
     } catch (const Cancelled&) {
         return fault(Exit::cancelled, "cancelled", "stopped while looking at what is shown");

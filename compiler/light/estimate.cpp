@@ -62,18 +62,18 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& coarse, cons
         std::uint64_t shadow = 0;
         direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
         fine += direct, others[0].sum += direct;
-        result.value[r] = kernel.shown(fine), result.direct[r] = kernel.shown(direct);
-        const std::array<Rgbd, 4> in_coarse = kernel.shown(others[0].sum);
+        result.value[r] = kernel.displayed(kernel.shown(fine)), result.direct[r] = kernel.shown(direct);
+        const std::array<Rgbd, 4> in_coarse = kernel.displayed(kernel.shown(others[0].sum));
         for (std::size_t k = 0; k < 4; ++k) result.to_coarse[r][k] = in_coarse[k] - result.value[r][k];
         if (!rough) {
             direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 2), kernel, &others[1].sum, &shadow, nullptr, nullptr, true);
-            const std::array<Rgbd, 4> closely = kernel.shown(others[1].sum);
+            const std::array<Rgbd, 4> closely = kernel.displayed(kernel.shown(others[1].sum));
             for (std::size_t k = 0; k < 4; ++k) result.to_close[r][k] = closely[k] - result.value[r][k];
         }
         sum += fine;
     }
     sum *= 1.0 / kReplicates;
-    result.mean_value = kernel.shown(sum);
+    result.mean_value = kernel.displayed(kernel.shown(sum));
     result.area = luxel.area * luxel_area(surfaces_, luxel.face);
     if (!kernel.cone || chart.smooth || !encoding) return result;
     // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
@@ -191,7 +191,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
     };
     std::vector<std::array<Rgbd, 4>> as_baked(rough ? 0 : chosen.size());
     for (std::size_t i = 0; i < as_baked.size(); ++i)
-        if (gathered_there_[chosen[i]]) as_baked[i] = kernel_of(chosen[i]).shown(light_of(chosen[i]));
+        if (gathered_there_[chosen[i]]) as_baked[i] = LuxelKernel::displayed(kernel_of(chosen[i]).shown(light_of(chosen[i])));
     double worst = -1;
     std::vector<double> squares, weights;
     for (std::size_t k = 0; k < 4; ++k) { // along each normal

@@ -108,6 +108,11 @@ struct LuxelKernel {
     std::array<Rgbd, 4> shown(const KernelSum& sum) const;
     // The same of values as they are stored.
     std::array<Rgbd, 4> shown(Rgbd flat, const std::array<Rgbd, 3>& stored) const;
+    // As a run time shows these: what the formula of `dot` puts below 0, along normals away from the light, is black.
+    static std::array<Rgbd, 4> displayed(std::array<Rgbd, 4> shown) {
+        for (Rgbd& e : shown) e = {std::max(0.0, e.x), std::max(0.0, e.y), std::max(0.0, e.z)};
+        return shown;
+    }
     std::size_t shown_count() const { return cone ? 4 : 1; }
 };
 constexpr double kTypicalTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30

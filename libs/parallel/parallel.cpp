@@ -1,6 +1,8 @@
 #include "libs/parallel/parallel.h"
 #include <atomic>
+#include <exception>
 #include <mutex>
+#include <thread>
 #include <tbb/blocked_range.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
@@ -12,12 +14,41 @@ namespace kiln {
 
 namespace {
 
+#ifdef __SANITIZE_THREAD__
+} // namespace
+} // namespace kiln
+// Embree builds its trees with threads of its own, of which the sanitizer sees half.
+extern "C" const char* __tsan_default_suppressions() { return "race:libembree3.so\nrace:libtbb.so\n"; }
+namespace kiln {
+namespace {
+// The library is not built for the thread sanitizer, which takes what its threads hand each other for races. Plain threads, then, so that
+// what it reports is in the bodies. `work()` until it says there is none; the first exception ends all.
+void on_plain_threads(int threads, const std::function<bool()>& work) {
+    std::exception_ptr failed;
+    std::mutex gate;
+    std::atomic<bool> stop{false};
+    std::vector<std::thread> team;
+    for (int t = 0; t < threads; ++t)
+        team.emplace_back([&] {
+            try {
+                while (!stop && work()) {}
+            } catch (...) {
+                const std::lock_guard lock(gate);
+                if (!failed) failed = std::current_exception();
+                stop = true;
+            }
+        });
+    for (std::thread& t : team) t.join();
+    if (failed) std::rethrow_exception(failed);
+}
+#else
 // The caller's number holds even where it exceeds the machine's: results must not depend on it, and tests try.
 template <class F> void on_threads(int threads, F&& body) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
     tbb::task_arena arena(threads);
     arena.execute(body);
 }
+#endif
 
 } // namespace
 
@@ -30,6 +61,16 @@ void parallel_for(Context& context, std::size_t count, const std::function<void(
         }
         return;
     }
+#ifdef __SANITIZE_THREAD__
+    std::atomic<std::size_t> next{0};
+    on_plain_threads(context.threads, [&] {
+        const std::size_t i = next++;
+        if (i >= count) return false;
+        context.check_cancelled();
+        body(i);
+        return true;
+    });
+#else
     on_threads(context.threads, [&] {
         tbb::parallel_for(
             tbb::blocked_range<std::size_t>(0, count, 1),
@@ -41,6 +82,7 @@ void parallel_for(Context& context, std::size_t count, const std::function<void(
             },
             tbb::simple_partitioner());
     });
+#endif
 }
 
 void parallel_for(Context& context, const std::string& stage, std::size_t count,
@@ -68,6 +110,20 @@ void parallel_tasks(Context& context, std::size_t count, const std::function<voi
         }
         return;
     }
+#ifdef __SANITIZE_THREAD__
+    std::atomic<std::size_t> waiting{count}, unfinished{count};
+    on_plain_threads(context.threads, [&] {
+        for (std::size_t n = waiting; n;) {
+            if (!waiting.compare_exchange_weak(n, n - 1)) continue;
+            context.check_cancelled();
+            body([&](std::size_t more) { unfinished += more, waiting += more; });
+            --unfinished;
+            return true;
+        }
+        std::this_thread::yield();
+        return unfinished > 0;
+    });
+#else
     on_threads(context.threads, [&] {
         std::vector<char> first(count);
         tbb::parallel_for_each(first.begin(), first.end(), [&](char, tbb::feeder<char>& feeder) {
@@ -77,6 +133,7 @@ void parallel_tasks(Context& context, std::size_t count, const std::function<voi
             });
         });
     });
+#endif
 }
 
 } // namespace kiln

@@ -93,6 +93,32 @@ TEST(Kernels, DotIsExactForLightAllNormalsSee) {
     }
 }
 
+// What errors are measured by is what a run time makes of the stored values: never below 0, where the formula of `dot` goes for light that grazes.
+TEST(Kernels, ErrorsAreMeasuredByWhatIsDisplayed) {
+    for (const RnmEncoding encoding : {RnmEncoding::dot, RnmEncoding::sq, RnmEncoding::tilted}) {
+        const ConeTable cone(encoding, 30);
+        const LuxelKernel kernel{frame_around({0, 0, 1}), encoding, &cone};
+        bool black = false;
+        for (const double height : {0.01, 0.1, 0.5, 0.9})
+            for (int i = 0; i < 6; ++i) {
+                const double turn = 1.1 * i, side = std::sqrt(1 - height * height);
+                KernelSum sum;
+                kernel.add(sum, Vec3{side * std::cos(turn), side * std::sin(turn), height}, Rgbd{1, 2, 3});
+                const std::array<Rgb, 3> stored = kernel.finish(sum);
+                const std::array<Rgbd, 4> displayed = LuxelKernel::displayed(kernel.shown(sum));
+                for (std::size_t k = 0; k < 3; ++k) {
+                    const Vec3 flat{kRnmBasis[k].x, kRnmBasis[k].y, 0};
+                    const Vec3 n = encoding == RnmEncoding::tilted ? kRnmBasis[k] : flat * (kTypicalTilt / length(flat)) + Vec3{0, 0, std::sqrt(1 - kTypicalTilt * kTypicalTilt)};
+                    const Rgbd run_time = encoding == RnmEncoding::tilted ? static_cast<Rgbd>(stored[k]) : rnm_evaluate(encoding, stored, n);
+                    for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(displayed[k + 1][c], run_time[c], 1e-6);
+                    black = black || kernel.shown(sum)[k + 1].x < -0.01;
+                }
+                for (const Rgbd& e : displayed) EXPECT_GE(e.x, 0);
+            }
+        EXPECT_EQ(black, encoding == RnmEncoding::dot);
+    }
+}
+
 // Under a uniform sky E(b_i) = pi (1 + 1/sqrt 3) / 2, and the literal reading of the dot formula is 36.6 % too
 // bright.
 TEST(Kernels, TiltedIsWhatItIs) {
