@@ -330,6 +330,7 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
     for (std::size_t g = 0; g < groups.groups.size(); ++g) {
         context.check_cancelled();
         const Group& group = groups.groups[g];
+        if (group.count == 0) continue; // all of it went to the groups of what stands on it
         FaceDraft& draft = of_group[g];
         const std::span<std::uint32_t> of = std::span(all).subspan(group.first, group.count);
         std::ranges::stable_sort(of, {}, [&](std::uint32_t i) { return part[i]; });
