@@ -269,7 +269,7 @@ std::vector<std::uint32_t> part_groups(const Groups& groups, const std::vector<F
             std::vector<std::vector<Vec2>> polygons;
             const Vec3 s = first.face.tangent.t, t = cross(first.face.normal, s);
             for (const std::uint32_t g : waiting) {
-                if (!share_chart(first, drafts[g])) {
+                if (g != waiting.front() && !share_chart(first, drafts[g])) {
                     left.push_back(g);
                     continue;
                 }

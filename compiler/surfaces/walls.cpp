@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <span>
 #include <tuple>
 
 namespace kiln {
@@ -168,12 +169,12 @@ private:
         struct Read {
             std::uint32_t root;
             std::int64_t y, x;
-            std::uint32_t polygon;
+            std::uint32_t border;
             auto operator<=>(const Read&) const = default;
         };
         const std::vector<double> sizes = texel_sizes();
         std::vector<Read> reads;
-        for (std::size_t e = 0; e < border_.size(); ++e) {
+        for (std::uint32_t e = 0; e < border_.size(); ++e) {
             const std::uint32_t polygon = border_of_[e], root = joined_.find(polygon);
             if (of_polygon_[polygon].empty()) continue; // joined to none, so none is on the other side
             const double size = sizes[root];
@@ -186,15 +187,26 @@ private:
                     lo = std::max(lo, std::min(p, q)), hi = std::min(hi, std::max(p, q));
                 }
                 for (double x = std::floor(lo - kReads - 0.5); x <= hi + kReads; ++x)
-                    if (enters(a, b, {{x + 0.5, y + 0.5}, kReads})) reads.push_back({root, static_cast<std::int64_t>(y), static_cast<std::int64_t>(x), polygon});
+                    if (enters(a, b, {{x + 0.5, y + 0.5}, kReads})) reads.push_back({root, static_cast<std::int64_t>(y), static_cast<std::int64_t>(x), e});
             }
         }
         std::ranges::sort(reads);
-        reads.erase(std::unique(reads.begin(), reads.end()), reads.end());
+        // What stands between two polygons ends both, on sides that look away from each other. Along one side, and in the corners of a room, there is nothing to ask.
+        const auto face_away = [&](std::span<const Read> of) {
+            constexpr double kAway = -0.1; // cosine
+            const auto along = [&](const Read& r) {
+                const Vec2 d = border_[r.border].second - border_[r.border].first;
+                return d * (1 / std::hypot(d.x, d.y));
+            };
+            for (std::size_t k = 0; k < of.size(); ++k)
+                for (std::size_t l = k + 1; l < of.size(); ++l)
+                    if (border_of_[of[k].border] != border_of_[of[l].border] && dot(along(of[k]), along(of[l])) < kAway) return true;
+            return false;
+        };
         for (std::size_t i = 0, next = 0; i < reads.size(); i = next) {
             const Read& r = reads[i];
             for (next = i; next < reads.size() && std::tie(reads[next].root, reads[next].y, reads[next].x) == std::tie(r.root, r.y, r.x);) ++next;
-            if (next - i < 2) continue;
+            if (next - i < 2 || !face_away(std::span(reads).subspan(i, next - i))) continue;
             const double size = sizes[r.root];
             const Vec2 centre = Vec2{static_cast<double>(r.x) + 0.5, static_cast<double>(r.y) + 0.5} * size;
             const std::vector<std::uint32_t> readers = in({centre, kReads * size}, r.root);
