@@ -236,7 +236,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 16, kAmbientVersion = 7, kDensityVersion = 6;
+constexpr std::uint32_t kLightVersion = 17, kAmbientVersion = 7, kDensityVersion = 7;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
@@ -366,7 +366,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
                                                                       if (!texels) return texels;
                                                                       const auto off = shown_error(world, out.surfaces, out.lighting, *texels, field(), {.error_floor = options.density.error_floor}, context);
                                                                       if (!off) return off.fault();
-                                                                      texels->shown_error = off->percent, texels->shown_error_high = off->high, texels->shown_error_p95 = off->p95;
+                                                                      texels->shown_error = off->percent, texels->shown_error_high = off->high, texels->shown_error_p95 = off->p95, texels->shown_places = off->places;
                                                                       return texels;
                                                                   });
                                     });

@@ -41,8 +41,9 @@ struct Density {
     std::vector<float> texel_error;
     std::vector<std::array<Rgb, 3>> rnm;
     double mean_change = 0; // percent: root mean square, over the area, of the change of what is shown, relative as the bound
-    double shown_error = 0, shown_error_high = 0, shown_error_p95 = 0; // percent: shown_error.h; 0: not looked at
-    template <class A> void fields(A& a) { a(grids, flat, valid, texel_error, rnm, mean_change, shown_error, shown_error_high, shown_error_p95); }
+    double shown_error = 0, shown_error_high = 0, shown_error_p95 = 0; // percent: shown_error.h
+    std::uint32_t shown_places = 0; // that it was looked at; 0: not known
+    template <class A> void fields(A& a) { a(grids, flat, valid, texel_error, rnm, mean_change, shown_error, shown_error_high, shown_error_p95, shown_places); }
 };
 // `memo`: of an earlier run with the same surfaces (light/memo.h): charts in the same light are taken over.
 Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo = nullptr);

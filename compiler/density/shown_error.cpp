@@ -11,6 +11,7 @@ namespace kiln {
 namespace {
 
 using Shown = std::array<Rgbd, 4>; // as LuxelKernel::shown
+constexpr std::size_t kAnswers = 3;
 
 struct Place {
     std::uint32_t luxel = 0;
@@ -49,16 +50,24 @@ public:
         const ShownTexels read = filtered_at(s_, light_, texels_, place.face, place.position);
         return LuxelKernel::displayed(kernel_at(place).shown(read.flat, read.rnm));
     }
-    Shown light_at(const Place& place, std::uint64_t answer) const {
+    // Lamps, whose light is as good as exact, are asked once.
+    std::array<Shown, kAnswers> light_at(const Place& place) const {
         const LuxelKernel kernel = kernel_at(place);
-        KernelSum sum;
-        field_.arriving(place.position, s_.faces[place.face.at()].normal, options_.rays, mix_place(place.position, options_.seed, 92 + answer),
-                        [&](Vec3 direction, Rgbd weight) { kernel.add(sum, direction, weight); });
-        return LuxelKernel::displayed(kernel.shown(sum));
+        const Vec3 n = s_.faces[place.face.at()].normal;
+        const auto seed = [&](std::uint64_t what) { return mix_place(place.position, options_.seed, 92 + what); };
+        KernelSum lamps;
+        field_.arriving_direct(place.position, n, seed(0), [&](Vec3 direction, Rgbd weight) { kernel.add(lamps, direction, weight); });
+        std::array<Shown, kAnswers> out;
+        for (std::size_t k = 0; k < kAnswers; ++k) {
+            KernelSum sum = lamps;
+            field_.arriving_rest(place.position, n, options_.rays, seed(k), [&](Vec3 direction, Rgbd weight) { kernel.add(sum, direction, weight); });
+            out[k] = LuxelKernel::displayed(kernel.shown(sum));
+        }
+        return out;
     }
     // In something solid that does not cut the face, a brush model or terrain: nobody looks at it.
     bool buried(const Place& place) const {
-        constexpr std::uint32_t kRays = 16, kMost = 2; // 1 in 8, as for luxels
+        constexpr std::uint32_t kRays = 16; // half of them, as for luxels
         const Vec3 n = s_.faces[place.face.at()].normal, from = place.position + n * field_.scene().push_off();
         const Frame frame = frame_around(n);
         const Sobol points(mix_place(place.position, options_.seed, std::uint64_t{90}));
@@ -67,7 +76,7 @@ public:
             const auto hit = field_.scene().closest(from, frame.world(cosine_hemisphere(points.pair(i, 0))));
             back += hit && hit->back;
         }
-        return back >= kMost;
+        return 2 * back > kRays;
     }
     std::size_t normals_at(const Place& place) const { return kernel_at(place).shown_count(); }
 
@@ -131,12 +140,14 @@ Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, con
         const std::vector<Place> places = asking.places();
         struct Answer {
             std::size_t normals = 0;
-            Shown shown, light[2];
+            Shown shown;
+            std::array<Shown, kAnswers> light;
         };
         std::vector<Answer> answers(places.size());
         parallel_for(context, "what is shown", places.size(), [&](std::size_t i) {
-            if (!asking.buried(places[i])) answers[i] = {asking.normals_at(places[i]), asking.shown_at(places[i]), {asking.light_at(places[i], 0), asking.light_at(places[i], 1)}};
+            if (!asking.buried(places[i])) answers[i] = {asking.normals_at(places[i]), asking.shown_at(places[i]), asking.light_at(places[i])};
         });
+        const auto middle = [](const Answer& a, std::size_t normal) { return (a.light[0][normal] + a.light[1][normal] + a.light[2][normal]) * (1.0 / kAnswers); };
         ShownError out;
         out.places = static_cast<std::uint32_t>(std::ranges::count_if(answers, [](const Answer& a) { return a.normals > 0; }));
         double most = 0;
@@ -145,7 +156,7 @@ Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, con
             std::vector<double> square;
             Rgbd level;
             for (const Answer& a : answers)
-                if (normal < a.normals) level += (a.light[0][normal] + a.light[1][normal]) * 0.5, square.push_back(0);
+                if (normal < a.normals) level += middle(a, normal), square.push_back(0);
             if (square.empty()) continue;
             level = level / static_cast<double>(square.size());
             std::size_t at = 0;
@@ -153,14 +164,16 @@ Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, con
                 if (normal >= a.normals) continue;
                 double& sum = square[at++];
                 if (normal == 0) {
-                    const Rgbd light = (a.light[0][0] + a.light[1][0]) * 0.5;
+                    const Rgbd light = middle(a, 0);
                     const double scale = std::max(mean(light), options.error_floor * mean(level));
                     relative.push_back(scale > 0 ? std::abs(mean(a.shown[0]) - mean(light)) / scale : 0);
                 }
-                for (std::size_t c = 0; c < 3; ++c) {
-                    const double scale = std::max(0.5 * (a.light[0][normal][c] + a.light[1][normal][c]), options.error_floor * level[c]);
-                    if (scale > 0) sum += (a.shown[normal][c] - a.light[0][normal][c]) * (a.shown[normal][c] - a.light[1][normal][c]) / (3 * scale * scale);
-                }
+                for (std::size_t c = 0; c < 3; ++c)
+                    for (std::size_t k = 0; k < kAnswers; ++k) { // against each by the other two
+                        const auto away = [&](std::size_t i) { return a.shown[normal][c] - a.light[(k + i) % kAnswers][normal][c]; };
+                        const double scale = std::max(a.light[k][normal][c], options.error_floor * level[c]);
+                        if (scale > 0) sum += away(1) * away(2) / (3 * kAnswers * scale * scale);
+                    }
             }
             const std::vector<double> weight(square.size(), 1);
             double sum = 0;

@@ -6,7 +6,7 @@
 //          directional, three leaning ones; the likeliest, and what it lies below with 95 %. The encoding's own share is left out, and what the bounces and patches
 //          are off by: whoever asks the field gets that too
 // Errors   cancelled
-// Method   two answers a place, each noisy by itself: the product of what the texels are away from the one and from the other has none of their noise
+// Method   three answers a place, each noisy by itself: the product of what the texels are away from two of them has none of their noise, and it is measured against the third
 #pragma once
 #include "compiler/density/density.h"
 #include "compiler/light/field.h"
@@ -22,14 +22,14 @@ struct ShownTexels {
 ShownTexels filtered_at(const Surfaces& surfaces, const Lighting& lighting, const Density& texels, FaceId face, Vec3 point);
 
 struct ShownErrorOptions {
-    std::uint32_t places = 2048;
-    std::uint32_t rays = 64;   // of an answer; a power of two
+    std::uint32_t places = 4096;
+    std::uint32_t rays = 32;   // of an answer; a power of two
     double error_floor = 0.02; // of the mean light: what is darker is measured against that much
     std::uint64_t seed = 0;
 };
 struct ShownError {
     double percent = 0, high = 0;
-    double p95 = 0; // percent: flat light is off by less on 95 % of the area. Few places are off by many times their light and make the mean square
+    double p95 = 0; // percent: flat light is off by less on 95 % of the area, the noise of three answers taken for error too. Few places are off by many times their light and make the mean square
     std::uint32_t places = 0; // looked at
 };
 Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, const Lighting& lighting, const Density& texels, const LightField& field,

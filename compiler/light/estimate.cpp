@@ -53,7 +53,8 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& coarse, cons
     const LuxelKernel kernel = kernel_of(l);
     PilotLuxel result;
     result.shown = kernel.shown_count();
-    KernelSum sum;
+    KernelSum sum, rest; // rest: without direct light
+    std::array<KernelSum, kReplicates> directs;
     for (std::uint32_t r = 0; r < kReplicates; ++r) {
         const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
         std::array<Other, 2> others{{{&coarse, {}}, {&close, {}}}};
@@ -61,8 +62,9 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& coarse, cons
         KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, std::span(others).first(rough ? 1 : 2), looked).sum;
         std::uint64_t shadow = 0;
         direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
+        rest += fine, directs[r] = direct;
         fine += direct, others[0].sum += direct;
-        result.value[r] = kernel.displayed(kernel.shown(fine)), result.direct[r] = kernel.shown(direct);
+        result.value[r] = kernel.displayed(kernel.shown(fine));
         const std::array<Rgbd, 4> in_coarse = kernel.displayed(kernel.shown(others[0].sum));
         for (std::size_t k = 0; k < 4; ++k) result.to_coarse[r][k] = in_coarse[k] - result.value[r][k];
         if (!rough) {
@@ -72,7 +74,8 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& coarse, cons
         }
         sum += fine;
     }
-    sum *= 1.0 / kReplicates;
+    sum *= 1.0 / kReplicates, rest *= 1.0 / kReplicates;
+    for (std::uint32_t r = 0; r < kReplicates; ++r) result.direct[r] = kernel.displayed(kernel.shown(KernelSum(rest) += directs[r])); // its spread is that of direct light
     result.mean_value = kernel.displayed(kernel.shown(sum));
     result.area = luxel.area * luxel_area(surfaces_, luxel.face);
     if (!kernel.cone || chart.smooth || !encoding) return result;

@@ -257,13 +257,14 @@ FaceDraft draft_of(const Group& group, const World& world, const SurfacesOptions
 }
 
 // The charts that walls part: a number for each polygon, as in FaceDraft::part.
-std::vector<std::uint32_t> part_groups(const Groups& groups, const std::vector<FaceDraft>& drafts, const VertexTable& vertices) {
+std::vector<std::uint32_t> part_groups(const Groups& groups, const std::vector<FaceDraft>& drafts, const VertexTable& vertices, Context& context) {
     std::vector<std::uint32_t> part(groups.polygons.size(), 0);
     std::map<std::tuple<ModelId, PlaneId, std::uint32_t>, std::vector<std::uint32_t>> of_plane; // lit groups
     for (std::uint32_t g = 0; g < drafts.size(); ++g)
         if (const Group& group = groups.groups[g]; drafts[g].lit) of_plane[{group.model, group.plane, group.under}].push_back(g);
     for (auto& [key, waiting] : of_plane)
         while (!waiting.empty()) { // those that may share a chart
+            context.check_cancelled();
             const FaceDraft& first = drafts[waiting.front()];
             std::vector<std::uint32_t> left, members;
             std::vector<std::vector<Vec2>> polygons;
@@ -296,8 +297,7 @@ std::vector<FaceDraft> make_face_drafts(const World& world, const Csg& csg, cons
     const Groups groups = collect(world, csg, bsp, feet, vertices);
     std::vector<FaceDraft> of_group;
     for (const Group& group : groups.groups) of_group.push_back(draft_of(group, world, options, vertices.planes(), context));
-    context.check_cancelled();
-    const std::vector<std::uint32_t> part = part_groups(groups, of_group, vertices);
+    const std::vector<std::uint32_t> part = part_groups(groups, of_group, vertices, context);
     RegionMerger merger(vertices);
     std::vector<FaceDraft> drafts;
     // One part of a group after the other; `of`: which of the group's polygons these are, in the order of the span.

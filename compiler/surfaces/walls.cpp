@@ -211,6 +211,9 @@ private:
             const Vec2 centre = Vec2{static_cast<double>(r.x) + 0.5, static_cast<double>(r.y) + 0.5} * size;
             const std::vector<std::uint32_t> readers = in({centre, kReads * size}, r.root);
             UnionFind close = joined_in(readers, {centre, kReads * size});
+            bool one = true;
+            for (std::uint32_t k = 0; k < readers.size(); ++k) one = one && close.find(k) == close.find(0);
+            if (one) continue;
             std::vector<std::pair<std::uint32_t, std::uint32_t>> apart;
             for (std::uint32_t k = 0; k < readers.size(); ++k)
                 for (std::uint32_t l = k + 1; l < readers.size(); ++l)

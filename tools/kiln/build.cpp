@@ -44,10 +44,11 @@ std::string report_json(const Compiled& c, const Console& console) {
                    {"texels_baked", c.surfaces.texel_count}, {"texels", c.density.grids.empty() ? c.surfaces.texel_count : c.density.flat.size()}};
     const ErrorReport& e = c.lighting.error;
     const auto done = [&](const char* stage) { return std::ranges::any_of(c.stages, [&](const StageReport& s) { return s.name == stage; }); };
+    const auto shown = [&](double value) { return c.density.shown_places > 0 ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr); };
     if (!done("light")) j["error"] = nullptr; // not known, which is not 0
     else j["error"] = {{"target", e.target}, {"estimate", e.estimate}, {"low", e.low}, {"high", e.high}, {"noise", e.noise},
                   {"patch_bias", e.patch_bias}, {"iteration", e.iteration}, {"shortcuts", e.shortcuts}, {"solution", e.solution}, {"representation", e.representation},
-                  {"shown", c.density.shown_error}, {"shown_high", c.density.shown_error_high}, {"shown_p95", c.density.shown_error_p95}, {"ambient", c.ambient.error_estimate}};
+                  {"shown", shown(c.density.shown_error)}, {"shown_high", shown(c.density.shown_error_high)}, {"shown_p95", shown(c.density.shown_error_p95)}, {"ambient", c.ambient.error_estimate}};
     j["light"] = {{"iterations", c.lighting.iterations}, {"escaped_rays", c.lighting.escaped_rays}, {"back_face_rays", c.lighting.back_face_rays}};
     j["visibility"] = {{"steps", c.visibility.steps}, {"loose_portals", c.visibility.loose}, {"stopped", c.visibility_stopped}};
     j["leaks"] = nlohmann::json::array();

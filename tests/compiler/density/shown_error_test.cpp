@@ -42,7 +42,7 @@ TEST(ShownError, IsWhatIsKnownInAFurnace) {
     const double level = 2 * 3.14159265358979;
     const ShownError right = error_of(*b, texels_of(*b, [&](auto, auto) { return level; }));
     EXPECT_GT(right.places, 400u);
-    EXPECT_LT(right.percent, 0.2);
+    EXPECT_LT(right.percent, 0.5); // answers of 32 rays are off by 2 %: the mean of 448 products of such by 1e-5, whose root that is
     for (const double off : {0.02, 0.3}) {
         const ShownError all = error_of(*b, texels_of(*b, [&](auto, auto) { return level * (1 + off); }));
         EXPECT_NEAR(all.percent, 100 * off, 0.1 + 0.5 * off);
