@@ -236,7 +236,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 17, kAmbientVersion = 7, kDensityVersion = 7;
+constexpr std::uint32_t kLightVersion = 17, kAmbientVersion = 7, kDensityVersion = 8;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
@@ -357,18 +357,18 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;
 
+    const auto texels = [&](Memo* memo) -> Result<Density> {
+        Result<Density> made = level_texels(out.surfaces, out.lighting, options.density, context, memo);
+        if (!made) return made;
+        const auto off = shown_error(world, out.surfaces, out.lighting, *made, field(), {.error_floor = options.density.error_floor}, context);
+        if (!off) return off.fault();
+        made->shown = *off;
+        return made;
+    };
     const auto density = stages.run(Stage::density, kDensityVersion, all(lit, *light, options.density), places, out.density,
                                     [&] {
                                         Memo memo;
-                                        return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, shape, options.light, options.density), memo, run,
-                                                                  [&](Memo* m) -> Result<Density> {
-                                                                      Result<Density> texels = level_texels(out.surfaces, out.lighting, options.density, context, m);
-                                                                      if (!texels) return texels;
-                                                                      const auto off = shown_error(world, out.surfaces, out.lighting, *texels, field(), {.error_floor = options.density.error_floor}, context);
-                                                                      if (!off) return off.fault();
-                                                                      texels->shown_error = off->percent, texels->shown_error_high = off->high, texels->shown_error_p95 = off->p95, texels->shown_places = off->places;
-                                                                      return texels;
-                                                                  });
+                                        return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, shape, options.light, options.density), memo, run, texels);
                                     });
     if (!density) return density.fault();
     if (done(Stage::density)) return true;

@@ -34,6 +34,15 @@ struct ChartGrid {
 
 inline Vec2 texel_from_luxel(const ChartGrid& g, Vec2 luxel) { return {luxel.x * g.scale.x + g.shift.x, luxel.y * g.scale.y + g.shift.y}; }
 
+// How far off is what a level shows (shown_error.h)?
+struct ShownError {
+    double percent = 0, high = 0; // root mean square: the likeliest, and what it lies below with 95 %
+    double p95 = 0;               // percent: flat light is off by less on 95 % of the area, the noise of three answers taken for error too. Few places are off by many times
+                                  // their light and make the mean square
+    std::uint32_t places = 0;     // looked at; 0: not known
+    template <class A> void fields(A& a) { a(percent, high, p95, places); }
+};
+
 struct Density {
     std::vector<ChartGrid> grids; // per chart
     std::vector<Rgb> flat;        // per texel, as in Lighting
@@ -41,9 +50,8 @@ struct Density {
     std::vector<float> texel_error;
     std::vector<std::array<Rgb, 3>> rnm;
     double mean_change = 0; // percent: root mean square, over the area, of the change of what is shown, relative as the bound
-    double shown_error = 0, shown_error_high = 0, shown_error_p95 = 0; // percent: shown_error.h
-    std::uint32_t shown_places = 0; // that it was looked at; 0: not known
-    template <class A> void fields(A& a) { a(grids, flat, valid, texel_error, rnm, mean_change, shown_error, shown_error_high, shown_error_p95, shown_places); }
+    ShownError shown;
+    template <class A> void fields(A& a) { a(grids, flat, valid, texel_error, rnm, mean_change, shown); }
 };
 // `memo`: of an earlier run with the same surfaces (light/memo.h): charts in the same light are taken over.
 Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo = nullptr);

@@ -19,6 +19,12 @@ struct Place {
     Vec3 position;
 };
 
+struct Answer {
+    std::size_t normals = 0; // 0: buried
+    Shown shown;
+    std::array<Shown, kAnswers> light;
+};
+
 class Asking {
 public:
     Asking(const World& world, const Surfaces& s, const Lighting& light, const Density& texels, const LightField& field, const ShownErrorOptions& options)
@@ -46,22 +52,21 @@ public:
         return out;
     }
 
-    Shown shown_at(const Place& place) const {
-        const ShownTexels read = filtered_at(s_, light_, texels_, place.face, place.position);
-        return LuxelKernel::displayed(kernel_at(place).shown(read.flat, read.rnm));
-    }
     // Lamps, whose light is as good as exact, are asked once.
-    std::array<Shown, kAnswers> light_at(const Place& place) const {
-        const LuxelKernel kernel = kernel_at(place);
+    Answer answer(const Place& place) const {
+        const LuxelKernel kernel{light_frame(s_, place.face, place.position), light_.encoding, cones_[s_.luxels[place.luxel].chart.at()].get()};
+        const ShownTexels read = filtered_at(s_, light_, texels_, place.face, place.position);
+        Answer out;
+        out.normals = kernel.shown_count();
+        out.shown = LuxelKernel::displayed(kernel.shown(read.flat, read.rnm));
         const Vec3 n = s_.faces[place.face.at()].normal;
         const auto seed = [&](std::uint64_t what) { return mix_place(place.position, options_.seed, 92 + what); };
         KernelSum lamps;
         field_.arriving_direct(place.position, n, seed(0), [&](Vec3 direction, Rgbd weight) { kernel.add(lamps, direction, weight); });
-        std::array<Shown, kAnswers> out;
         for (std::size_t k = 0; k < kAnswers; ++k) {
             KernelSum sum = lamps;
             field_.arriving_rest(place.position, n, options_.rays, seed(k), [&](Vec3 direction, Rgbd weight) { kernel.add(sum, direction, weight); });
-            out[k] = LuxelKernel::displayed(kernel.shown(sum));
+            out.light[k] = LuxelKernel::displayed(kernel.shown(sum));
         }
         return out;
     }
@@ -78,7 +83,6 @@ public:
         }
         return 2 * back > kRays;
     }
-    std::size_t normals_at(const Place& place) const { return kernel_at(place).shown_count(); }
 
 private:
     const Surfaces& s_;
@@ -91,9 +95,6 @@ private:
     static Directional directional_of(const Lighting& light) {
         if (std::ranges::all_of(light.chart_directional, [](std::uint8_t d) { return d != 0; })) return Directional::all;
         return std::ranges::none_of(light.chart_directional, [](std::uint8_t d) { return d != 0; }) ? Directional::none : Directional::needed;
-    }
-    LuxelKernel kernel_at(const Place& place) const {
-        return {light_frame(s_, place.face, place.position), light_.encoding, cones_[s_.luxels[place.luxel].chart.at()].get()};
     }
     std::optional<Place> place_in(std::uint32_t l, Vec2 u) const {
         const Luxel& luxel = s_.luxels[l];
@@ -138,14 +139,9 @@ Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, con
     try {
         const Asking asking(world, surfaces, lighting, texels, field, options);
         const std::vector<Place> places = asking.places();
-        struct Answer {
-            std::size_t normals = 0;
-            Shown shown;
-            std::array<Shown, kAnswers> light;
-        };
         std::vector<Answer> answers(places.size());
         parallel_for(context, "what is shown", places.size(), [&](std::size_t i) {
-            if (!asking.buried(places[i])) answers[i] = {asking.normals_at(places[i]), asking.shown_at(places[i]), asking.light_at(places[i])};
+            if (!asking.buried(places[i])) answers[i] = asking.answer(places[i]);
         });
         const auto middle = [](const Answer& a, std::size_t normal) { return (a.light[0][normal] + a.light[1][normal] + a.light[2][normal]) * (1.0 / kAnswers); };
         ShownError out;

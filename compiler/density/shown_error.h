@@ -27,11 +27,6 @@ struct ShownErrorOptions {
     double error_floor = 0.02; // of the mean light: what is darker is measured against that much
     std::uint64_t seed = 0;
 };
-struct ShownError {
-    double percent = 0, high = 0;
-    double p95 = 0; // percent: flat light is off by less on 95 % of the area, the noise of three answers taken for error too. Few places are off by many times their light and make the mean square
-    std::uint32_t places = 0; // looked at
-};
 Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, const Lighting& lighting, const Density& texels, const LightField& field,
                                const ShownErrorOptions& options, Context& context);
 

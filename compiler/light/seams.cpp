@@ -392,7 +392,7 @@ void Matching::go_on(Part& part) const {
         const Chart& chart = s_.charts[part.charts[t].at()];
         const std::uint32_t at = texel - chart.first_texel;
         const auto seen = std::ranges::equal_range(by_texel, texel, {}, [](const auto& x) { return x.first; });
-        int inside = 0;
+        if (seen.empty()) continue; // by places that are torn alone
         const std::size_t first = places.size();
         for (int q = 0; q < kAcross * kAcross; ++q) {
             const Vec2 place{at % chart.width + (q % kAcross + 0.5) / kAcross, at / chart.width + (q / kAcross + 0.5) / kAcross};
@@ -402,9 +402,7 @@ void Matching::go_on(Part& part) const {
                 here = true;
                 for (std::size_t i = 0; i < polygon.size() && here; ++i) here = cross(polygon[(i + 1) % polygon.size()] - polygon[i], place - polygon[i]) >= 0;
             }
-            inside += here;
             if (here) continue;
-            if (seen.empty()) continue;
             std::uint32_t nearest = 0;
             double least = 1e30;
             for (const auto& [x, code] : seen) {

@@ -35,7 +35,7 @@ std::string error_json(const ErrorReport& e, const Density* density) {
     return "{\"target\":" + number(e.target) + ",\"estimate\":" + number(e.estimate) + ",\"low\":" + number(e.low) +
            ",\"high\":" + number(e.high) + ",\"noise\":" + number(e.noise) + ",\"patch_bias\":" + number(e.patch_bias) +
            ",\"iteration\":" + number(e.iteration) + ",\"shortcuts\":" + number(e.shortcuts) + ",\"solution\":" + number(e.solution) + ",\"representation\":" + number(e.representation) +
-           (density && density->shown_places > 0 ? ",\"shown\":" + number(density->shown_error) + ",\"shown_high\":" + number(density->shown_error_high) + ",\"shown_p95\":" + number(density->shown_error_p95) : "") + "}";
+           (density && density->shown.places > 0 ? ",\"shown\":" + number(density->shown.percent) + ",\"shown_high\":" + number(density->shown.high) + ",\"shown_p95\":" + number(density->shown.p95) : "") + "}";
 }
 
 bool coarse(const PackInput& in) { return in.density && !in.density->grids.empty(); }

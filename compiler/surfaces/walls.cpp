@@ -47,7 +47,7 @@ bool overlaps(const std::vector<Vec2>& polygon, const Window& w) {
         const double size = std::hypot(d.x, d.y);
         if (!(size > 0)) continue;
         const Vec2 m = w.middle - a; // how far the corner farthest inside is inside
-        if (d.x * m.y - d.y * m.x + w.half * (std::abs(d.x) + std::abs(d.y)) <= kSame * size) return false;
+        if (cross(d, m) + w.half * (std::abs(d.x) + std::abs(d.y)) <= kSame * size) return false;
     }
     return true;
 }
@@ -109,8 +109,8 @@ private:
                     const std::vector<Vec2>& q = polygons_[j];
                     for (std::size_t m = 0; m < q.size(); ++m) {
                         const Vec2 u = q[m] - a, v = q[(m + 1) % q.size()] - a;
-                        if (std::abs(along.x * u.y - along.y * u.x) > kSame || std::abs(along.x * v.y - along.y * v.x) > kSame) continue;
-                        const double to = std::min(size, along.x * u.x + along.y * u.y), from = std::max(0.0, along.x * v.x + along.y * v.y);
+                        if (std::abs(cross(along, u)) > kSame || std::abs(cross(along, v)) > kSame) continue;
+                        const double to = std::min(size, dot(along, u)), from = std::max(0.0, dot(along, v));
                         if (to - from <= kSame) continue; // runs the same way or lies elsewhere
                         shared.emplace_back(from, to);
                         if (i > j) continue;

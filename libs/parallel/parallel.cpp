@@ -10,17 +10,16 @@
 #include <tbb/task_arena.h>
 #include <vector>
 
+#ifdef __SANITIZE_THREAD__
+// Embree builds its trees with threads of its own, of which the sanitizer sees half.
+extern "C" const char* __tsan_default_suppressions() { return "race:libembree3.so\nrace:libtbb.so\n"; }
+#endif
+
 namespace kiln {
 
 namespace {
 
 #ifdef __SANITIZE_THREAD__
-} // namespace
-} // namespace kiln
-// Embree builds its trees with threads of its own, of which the sanitizer sees half.
-extern "C" const char* __tsan_default_suppressions() { return "race:libembree3.so\nrace:libtbb.so\n"; }
-namespace kiln {
-namespace {
 // The library is not built for the thread sanitizer, which takes what its threads hand each other for races. Plain threads, then, so that
 // what it reports is in the bodies. `work()` until it says there is none; the first exception ends all.
 void on_plain_threads(int threads, const std::function<bool()>& work) {

@@ -44,11 +44,11 @@ std::string report_json(const Compiled& c, const Console& console) {
                    {"texels_baked", c.surfaces.texel_count}, {"texels", c.density.grids.empty() ? c.surfaces.texel_count : c.density.flat.size()}};
     const ErrorReport& e = c.lighting.error;
     const auto done = [&](const char* stage) { return std::ranges::any_of(c.stages, [&](const StageReport& s) { return s.name == stage; }); };
-    const auto shown = [&](double value) { return c.density.shown_places > 0 ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr); };
+    const auto shown = [&](double value) { return c.density.shown.places > 0 ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr); };
     if (!done("light")) j["error"] = nullptr; // not known, which is not 0
     else j["error"] = {{"target", e.target}, {"estimate", e.estimate}, {"low", e.low}, {"high", e.high}, {"noise", e.noise},
                   {"patch_bias", e.patch_bias}, {"iteration", e.iteration}, {"shortcuts", e.shortcuts}, {"solution", e.solution}, {"representation", e.representation},
-                  {"shown", shown(c.density.shown_error)}, {"shown_high", shown(c.density.shown_error_high)}, {"shown_p95", shown(c.density.shown_error_p95)}, {"ambient", c.ambient.error_estimate}};
+                  {"shown", shown(c.density.shown.percent)}, {"shown_high", shown(c.density.shown.high)}, {"shown_p95", shown(c.density.shown.p95)}, {"ambient", c.ambient.error_estimate}};
     j["light"] = {{"iterations", c.lighting.iterations}, {"escaped_rays", c.lighting.escaped_rays}, {"back_face_rays", c.lighting.back_face_rays}};
     j["visibility"] = {{"steps", c.visibility.steps}, {"loose_portals", c.visibility.loose}, {"stopped", c.visibility_stopped}};
     j["leaks"] = nlohmann::json::array();
@@ -179,7 +179,7 @@ Command build_command(CLI::App& app) {
             console.say(fmt::format("{}: {:.2f} MB, light error about {:.1f} %, at most {:.1f} % (asked for {:g} %), ambient {:.0f} %", output,
                                     static_cast<double>(c.level.size()) / 1e6, e.estimate, e.high, e.target, c.ambient.error_estimate));
             console.say(fmt::format("{} luxels shown by {} texels; with filtering off by about {:.1f} %, on 95 % of the area by less than {:.1f} %", c.surfaces.texel_count,
-                                    c.density.grids.empty() ? c.surfaces.texel_count : c.density.flat.size(), c.density.shown_error, c.density.shown_error_p95));
+                                    c.density.grids.empty() ? c.surfaces.texel_count : c.density.flat.size(), c.density.shown.percent, c.density.shown.p95));
             if (o->require_error > 0 && e.high > o->require_error)
                 return console.fail(fault(Exit::quality, "error-above-gate",
                                           fmt::format("the error of the light is at most {:.2f} % (about {:.2f} %), allowed are {:g} %", e.high, e.estimate, o->require_error),
