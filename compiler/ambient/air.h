@@ -38,6 +38,7 @@ struct Air {
     std::function<void(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival&)> rest; // all but entity lights
     Memo* memo = nullptr; // of an earlier lattice in the same geometry; none: nothing is kept
     std::uint32_t light_count = 0;
+    std::function<void(Vec3 point, const std::function<void(std::uint32_t light)>&)> each_light; // that may reach it, ascending
     std::function<std::optional<DirectLight>(std::uint32_t light, Vec3 point)> direct;
     std::function<bool(std::uint32_t light, Vec3 point)> light_clear; // does the light reach the point?
     std::function<Rgbd(std::uint32_t light, Vec3 point)> light_through; // what panes on the way leave of one that does; empty: all

@@ -47,11 +47,12 @@ void gather(const Air& air, Vec3 point, std::uint32_t rays, std::uint64_t seed, 
 std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, double gathered_irradiance, std::uint64_t& rays) {
     std::vector<LitBy> lights;
     double left = 0;
-    for (std::uint32_t i = 0; i < air.light_count; ++i)
-        if (const auto direct = air.direct(i, point); direct && max_component(direct->irradiance) > 0) {
-            lights.push_back({i, *direct});
-            left += mean(direct->irradiance);
-        }
+    air.each_light(point, [&](std::uint32_t i) {
+        const auto direct = air.direct(i, point);
+        if (!direct || !(max_component(direct->irradiance) > 0)) return;
+        lights.push_back({i, *direct});
+        left += mean(direct->irradiance);
+    });
     std::sort(lights.begin(), lights.end(), [](const LitBy& a, const LitBy& b) {
         const double ea = mean(a.direct.irradiance), eb = mean(b.direct.irradiance);
         return ea != eb ? ea > eb : a.light < b.light;

@@ -219,6 +219,7 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
     air.clear = [&scene](Vec3 from, Vec3 to) { return !scene.occluded(from, to); };
     air.rest = [rest = std::make_shared<const Rest>(field, memo)](Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) { (*rest)(point, rays, seed, arrival); };
     air.light_count = static_cast<std::uint32_t>(lights.size());
+    air.each_light = [&field](Vec3 point, const std::function<void(std::uint32_t)>& visit) { field.each_light(point, visit); };
     air.direct = [&lights](std::uint32_t l, Vec3 point) -> std::optional<DirectLight> {
         const Light& light = lights[l];
         if (light.kind == LightKind::sky) return std::nullopt; // comes with the rest

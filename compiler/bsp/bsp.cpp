@@ -99,7 +99,7 @@ private:
 
 } // namespace
 
-std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, double tolerance) {
+std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, std::span<const Vec3> hull, double tolerance) {
     std::vector<LeafId> leaves;
     std::vector<std::int32_t> stack{nodes.empty() ? -1 : 0};
     while (!stack.empty()) {
@@ -110,9 +110,14 @@ std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, dou
             continue;
         }
         const BspNode& n = nodes[static_cast<std::size_t>(at)];
-        const double d = dot(n.normal, point) - n.distance;
-        if (d <= tolerance) stack.push_back(n.child[1]);
-        if (d >= -tolerance) stack.push_back(n.child[0]);
+        double least = std::numeric_limits<double>::infinity(), most = -least;
+        for (const Vec3& p : hull) {
+            const double d = dot(n.normal, p) - n.distance;
+            least = std::min(least, d), most = std::max(most, d);
+        }
+        const bool behind = least <= tolerance, in_front = most >= -tolerance, neither = !behind && !in_front;
+        if (behind || neither) stack.push_back(n.child[1]);
+        if (in_front || neither) stack.push_back(n.child[0]);
     }
     std::ranges::sort(leaves);
     return leaves;
@@ -185,8 +190,8 @@ LeafId leaf_at(const Bsp& bsp, Vec3 point) {
     return id<LeafId>(static_cast<std::size_t>(bsp::leaf_of_child(at)));
 }
 
-std::vector<LeafId> leaves_at(const Bsp& bsp, Vec3 point, double tolerance) {
-    return bsp::leaves_at(bsp.nodes, point, tolerance);
+std::vector<LeafId> leaves_at(const Bsp& bsp, std::span<const Vec3> hull, double tolerance) {
+    return bsp::leaves_at(bsp.nodes, hull, tolerance);
 }
 
 std::vector<std::vector<PlanePolygon>> leaf_polytopes(const Bsp& bsp) {

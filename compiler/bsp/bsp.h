@@ -13,6 +13,7 @@
 //          SIGGRAPH 1980, over exact plane polygons; openings as a minimum cut: NOTES.md
 #pragma once
 #include "compiler/csg/csg.h"
+#include <span>
 
 namespace kiln {
 
@@ -158,8 +159,12 @@ Result<LeakTest> find_leaks(const World& world, const Csg& csg, const Bsp& bsp, 
 // The leaf that holds a point (on a plane: the front child).
 LeafId leaf_at(const Bsp& bsp, Vec3 point);
 inline LeafId leaf_at(const Bsp& bsp, const PlaneTable&, Vec3 point) { return leaf_at(bsp, point); }
-// All leaves within `tolerance` map units of the point, measured to the node planes; ascending.
-std::vector<LeafId> leaves_at(const Bsp& bsp, Vec3 point, double tolerance);
+// All leaves within `tolerance` map units of the hull of some points, measured to the node planes; ascending. Below 0: those that it reaches into
+// by more than that; of two that it lies between, closer to both, both.
+std::vector<LeafId> leaves_at(const Bsp& bsp, std::span<const Vec3> hull, double tolerance);
+inline std::vector<LeafId> leaves_at(const Bsp& bsp, Vec3 point, double tolerance) {
+    return leaves_at(bsp, std::span(&point, 1), tolerance);
+}
 // Each leaf as the convex polytope it is: faces looking out, clipped to the world's box. For dumps and tests.
 std::vector<std::vector<PlanePolygon>> leaf_polytopes(const Bsp& bsp);
 

@@ -93,7 +93,10 @@ using Pair = std::array<std::uint32_t, 2>;
 std::vector<BspPortal> build_portals(Cutter& cutter, const Tree& tree);
 
 std::int32_t leaf_of_child(std::int32_t child); // child < 0
-std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, double tolerance);
+std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, std::span<const Vec3> hull, double tolerance);
+inline std::vector<LeafId> leaves_at(const std::vector<BspNode>& nodes, Vec3 point, double tolerance) {
+    return leaves_at(nodes, std::span(&point, 1), tolerance);
+}
 
 // Leaves and portals as rooms and doors, for all that asks how to get from one place to another.
 //

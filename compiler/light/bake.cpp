@@ -96,11 +96,12 @@ Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchT
     return static_cast<Rgbd>(light.patch[patch]);
 }
 
-Bake::Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, bool sealed,
-           const LightOptions& options, LightMemo* memo, Context& context)
-    : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(sealed), memo_(memo), context_(context),
+// A filled world lets nothing out; one compiled with its leaks does.
+Bake::Bake(const World& world, const Bsp& bsp, const Surfaces& surfaces, const std::vector<Light>& lights,
+           const LightOptions& options, LightMemo* memo, const Visibility* seen, Context& context)
+    : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(std::ranges::any_of(bsp.leaves, &BspLeaf::outside)), memo_(memo), context_(context),
       quality_(Quality::of(options)), scene_(world, surfaces), index_(surfaces),
-      emitters_(world, surfaces, sky_radiance(lights)) {}
+      emitters_(world, surfaces, sky_radiance(lights)), sight_(world, surfaces, bsp, seen, scene_, lights, emitters_) {}
 
 std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
     return mix_place(p, options_.seed, pass);
@@ -541,11 +542,9 @@ void Bake::fill() {
 }
 
 Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable&, const Surfaces& surfaces,
-                            const std::vector<Light>& lights, const LightOptions& options, Context& context, LightMemo* memo) {
+                            const std::vector<Light>& lights, const LightOptions& options, Context& context, LightMemo* memo, const Visibility* seen) {
     try {
-        // A filled world lets nothing out; one compiled with its leaks does.
-        const bool sealed = std::ranges::any_of(bsp.leaves, &BspLeaf::outside);
-        Bake bake(world, surfaces, lights, sealed, options, memo, context);
+        Bake bake(world, bsp, surfaces, lights, options, memo, seen, context);
         return bake.run();
     } catch (const Cancelled&) {
         return fault(Exit::cancelled, "cancelled", "stopped while baking light");

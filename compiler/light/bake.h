@@ -4,6 +4,7 @@
 #include "compiler/light/kernels.h"
 #include "compiler/light/memo.h"
 #include "compiler/light/patches.h"
+#include "compiler/light/sight.h"
 #include "libs/sampling/maps.h"
 #include <atomic>
 #include <functional>
@@ -150,8 +151,8 @@ struct PilotLuxel { // see estimate.cpp
 
 class Bake {
 public:
-    Bake(const World& world, const Surfaces& surfaces, const std::vector<Light>& lights, bool sealed,
-         const LightOptions& options, LightMemo* memo, Context& context);
+    Bake(const World& world, const Bsp& bsp, const Surfaces& surfaces, const std::vector<Light>& lights,
+         const LightOptions& options, LightMemo* memo, const Visibility* seen, Context& context);
     Lighting run();
 
 private:
@@ -194,6 +195,7 @@ private:
     Rgbd through_panes(std::span<const PaneHit> panes, Vec3 way, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
                        const ReflectedLight& light, Looked* looked, int depth, Rgbd behind) const;
     // direct.cpp
+    Clusters clusters_of_patch(std::uint32_t patch) const;
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
     std::uint64_t stream_of(const LightRef& ref) const;
@@ -280,10 +282,12 @@ private:
     TraceScene scene_;
     LuxelIndex index_;
     EmitterSet emitters_;
+    LightSight sight_;
     PieceEdges edges_;
     PatchTable patches_;
     std::vector<std::vector<std::uint32_t>> neighbours_; // per patch: those it shares an edge with, in its plane
     std::vector<std::uint32_t> patch_emitter_;           // per patch; UINT32_MAX: none
+    std::vector<Clusters> clusters_;           // per patch: it lies in
     std::vector<std::uint8_t> covered_;        // per patch: it looks into what is solid; nothing is baked there
     std::vector<std::uint32_t> hits_;          // row_rays per patch, in ray order
     std::vector<std::uint8_t> hit_cells_;      // of those rays, in guides of the patch's chart

@@ -89,6 +89,15 @@ std::uint16_t Bake::penumbra_samples(double share) const {
     return static_cast<std::uint16_t>(n);
 }
 
+Clusters Bake::clusters_of_patch(std::uint32_t p) const {
+    const FaceId face = patches_.patches[p].face;
+    if (!surfaces_.faces[face.at()].chart.valid()) return sight_.of_face(surfaces_, face);
+    Vec2 lo{1e30, 1e30}, hi{-1e30, -1e30};
+    for (std::uint32_t k = patches_.first_piece[p]; k < patches_.first_piece[p + 1]; ++k)
+        for (const Vec2& q : points_of(surfaces_, surfaces_.pieces[patches_.pieces[k]])) lo = {std::min(lo.x, q.x), std::min(lo.y, q.y)}, hi = {std::max(hi.x, q.x), std::max(hi.y, q.y)};
+    return sight_.on(surfaces_, face, lo, hi, scene_.push_off());
+}
+
 // For every patch: emitters that it or a neighbour sees and whose light, left to the gathered rays, would be too
 // noisy; and every light entity that could matter. What is not listed stays with the gathered rays: nothing is
 // lost.
@@ -105,6 +114,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     for (double& e : estimate_)
         if (e > 0) e = std::exp2(std::round(8 * std::log2(e)) / 8);
     std::vector<std::vector<LightRef>> emitters(n), entities(n);
+    clusters_.assign(n, {});
     std::uint64_t radiances = 0; // of all emitters
     for (const Emitter& e : emitters_.emitters) radiances = mix(radiances, hash_of(e.radiance).low);
     constexpr std::size_t kChunk = 32;
@@ -114,6 +124,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         for (auto p = static_cast<std::uint32_t>(chunk * kChunk); p < std::min(n, (chunk + 1) * kChunk); ++p) {
             const Patch& patch = patches_.patches[p];
             if (!receives(p)) continue;
+            clusters_[p] = clusters_of_patch(p);
             const Footprint footprint = footprint_of_patch(p);
             if (footprint.empty()) continue;
             const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);
@@ -121,10 +132,10 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             // Entities, strongest first.
             std::vector<std::pair<double, std::uint32_t>> strong;
             double left = 0;
-            for (std::uint32_t i = 0; i < lights_.size(); ++i) {
+            sight_.each_light(clusters_[p], [&](std::uint32_t i) {
                 const double bright = light_bound(lights_[i], patch.centroid, radius);
                 if (bright > 0) strong.emplace_back(bright, i), left += bright;
-            }
+            });
             std::ranges::sort(strong, [](const auto& x, const auto& y) {
                 return x.first != y.first ? x.first > y.first : x.second < y.second;
             });
@@ -158,10 +169,10 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 }
                 if (const std::uint32_t k = emitter_of(hit); k != UINT32_MAX) met[k] = 1;
             }
-            for (std::uint32_t i = 0; i < emitters_.emitters.size(); ++i) {
+            sight_.each_emitter(clusters_[p], [&](std::uint32_t i) {
                 const Emitter& emitter = emitters_.emitters[i];
                 const double least = threshold(p, i), most = least < 1e30 ? form_factor_bound(p, i) : 0;
-                if (most < least) continue;
+                if (most < least) return;
                 std::uint32_t seen = 0, tested = 0;
                 bool filtered = false;
                 double factor = 0;
@@ -183,11 +194,11 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     ++seen;
                     factor += mean(through) * std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
                 }
-                if (!seen && !met[i]) continue;
-                if (seen && !met[i] && factor / tested < least) continue;
+                if (!seen && !met[i]) return;
+                if (seen && !met[i] && factor / tested < least) return;
                 const double share = kPi * mean(emitter.radiance) * most / 4 / e;
                 emitters[p].push_back({i, true, seen != tested, false, penumbra_samples(share), filtered});
-            }
+            });
             // Entities, until all that are left together cannot matter beside what has been found.
             double found = std::max(estimate_[p], floor_);
             for (const auto& [bright, i] : strong) {
@@ -243,7 +254,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             const auto at = std::ranges::find(lists_[to], r.light, &LightRef::light);
             if (at != lists_[to].end())
                 at->penumbra |= r.penumbra, at->filtered |= r.filtered;
-            else if (form_factor_bound(to, r.light) >= threshold(to, r.light))
+            else if (sight_.emitter_may(r.light, clusters_[to]) && form_factor_bound(to, r.light) >= threshold(to, r.light))
                 lists_[to].push_back({r.light, true, true, false, r.samples, r.filtered});
         }
         for (LightRef& r : lists_[to])
@@ -254,7 +265,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     const auto offer_entities = [&](std::uint32_t to, std::uint32_t from) {
         for (LightRef& r : spread[to]) {
             const auto at = std::ranges::find(entities[from], r.light, &LightRef::light);
-            if (at != entities[from].end() && (at->hidden != r.hidden || at->penumbra)) r.penumbra = true;
+            if (at != entities[from].end() ? at->hidden != r.hidden || at->penumbra : !r.hidden && !sight_.light_may(r.light, clusters_[from])) r.penumbra = true;
             if (at != entities[from].end()) r.filtered |= at->filtered;
         }
     };
@@ -283,9 +294,9 @@ std::vector<std::uint32_t> Bake::add_emitters(const std::vector<std::vector<std:
         const std::uint32_t p = patches_.piece_patch[a], q = patches_.piece_patch[b];
         if (p == q) continue;
         for (const std::uint32_t i : found[q])
-            if (form_factor_bound(p, i) >= threshold(p, i)) add(p, i);
+            if (sight_.emitter_may(i, clusters_[p]) && form_factor_bound(p, i) >= threshold(p, i)) add(p, i);
         for (const std::uint32_t i : found[p])
-            if (form_factor_bound(q, i) >= threshold(q, i)) add(q, i);
+            if (sight_.emitter_may(i, clusters_[q]) && form_factor_bound(q, i) >= threshold(q, i)) add(q, i);
     }
     std::vector<std::uint32_t> changed;
     for (std::uint32_t p = 0; p < more.size(); ++p) {

@@ -103,18 +103,12 @@ Vec3 LightField::Data::origin_at(Vec3 point, Vec3 normal) const {
     return point + normal * scene.push_off();
 }
 
-LightField::LightField(const World& world, const Bsp&, const PlaneTable&, const Surfaces& surfaces,
-                       const std::vector<Light>& lights, const Lighting& lighting)
-    : data_(new Data{world,
-                     surfaces,
-                     lights,
-                     lighting,
-                     TraceScene(world, surfaces),
-                     LuxelIndex(surfaces),
-                     EmitterSet(world, surfaces, sky_radiance(lights)),
-                     sky_radiance(lights),
-                     {},
-                     {}}) {
+LightField::Data::Data(const World& w, const Bsp& bsp, const Surfaces& s, const std::vector<Light>& l, const Lighting& baked, const Visibility* seen)
+    : world(w), surfaces(s), lights(l), lighting(baked), scene(w, s), index(s), emitters(w, s, sky_radiance(l)), sight(w, s, bsp, seen, scene, l, emitters), sky(sky_radiance(l)) {}
+
+LightField::LightField(const World& world, const Bsp& bsp, const PlaneTable&, const Surfaces& surfaces,
+                       const std::vector<Light>& lights, const Lighting& lighting, const Visibility* seen)
+    : data_(std::make_unique<Data>(world, bsp, surfaces, lights, lighting, seen)) {
     Data& d = *data_;
     for (const Chart& c : surfaces.charts) d.near_reach = std::max(d.near_reach, (kNearBounces + 1) * kNearLuxels * c.luxel_size);
     for (const Vec3& p : surfaces.positions) // whatever is near a surface lies in there
@@ -139,6 +133,9 @@ LightField::~LightField() = default;
 const TraceScene& LightField::scene() const {
     return data_->scene;
 }
+void LightField::each_light(Vec3 point, const std::function<void(std::uint32_t)>& visit) const {
+    data_->sight.each_light(data_->sight.at(point), visit);
+}
 const LightField::Data& LightField::data() const {
     return *data_;
 }
@@ -152,11 +149,11 @@ void LightField::arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint
 void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, const Arrival& arrival) const {
     const Data& d = *data_;
     const Vec3 x = d.origin_at(point, normal);
-    for (std::size_t i = 0; i < d.lights.size(); ++i) {
+    d.sight.each_light(d.sight.at(x), [&](std::uint32_t i) {
         const Light& light = d.lights[i];
         const bool disc = light.kind == LightKind::sun && light.angular_radius_rad > 0;
         const std::uint32_t samples = disc ? 64 : 1;
-        const Sobol points(mix(seed, i, std::uint64_t{21}));
+        const Sobol points(mix(seed, std::uint64_t{i}, std::uint64_t{21}));
         for (std::uint32_t k = 0; k < samples; ++k) {
             LightSample s;
             if (!sample_light(light, x, normal, points.pair(k, 0), &s)) continue;
@@ -166,7 +163,7 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
             if (light.angle_scale < 1)
                 arrival(normal == Vec3{} ? s.direction : normal, through * (s.ambient * (1.0 / samples)));
         }
-    }
+    });
 }
 
 namespace {

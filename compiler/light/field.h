@@ -57,6 +57,8 @@ public:
     Rgbd transmitted(Vec3 from, Vec3 to, Widths widths = {}, bool* blocked = nullptr) const;
     // The same of light from a sky face (`widths`: a cone).
     Rgbd transmitted_from_sky(Vec3 origin, Vec3 unit_direction, const Widths& widths = {}, bool* blocked = nullptr) const;
+    // Does no light come through the face, whole or in part?
+    bool stops(FaceId face) const;
     // How far in front of its surface a ray should start, map units.
     double push_off() const;
     // Rays that this thread has traced so far, through any scene: for measuring.
@@ -114,10 +116,12 @@ struct FieldEmitters {
 
 class LightField {
 public:
+    // `seen`: as of bake_light; has to live as long.
     LightField(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
-               const std::vector<Light>& lights, const Lighting& lighting);
+               const std::vector<Light>& lights, const Lighting& lighting, const Visibility* seen = nullptr);
     ~LightField();
     const TraceScene& scene() const;
+    void each_light(Vec3 point, const std::function<void(std::uint32_t)>& visit) const; // entities that may shine there, ascending
     // Light arriving at `point` from the hemisphere around `normal` (unit), or from the whole sphere where `normal`
     // is zero, through the production path (explicit direct light + gather of patch radiosity).
     // The sum over calls of weight * kernel(direction) estimates the integral of L * kernel over solid angle.

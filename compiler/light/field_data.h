@@ -8,6 +8,7 @@ constexpr double kNearLuxels = 1.5; // of the lightmap: nearer surfaces are look
 constexpr int kNearBounces = 6;     // in a crevice; then the lightmap will do
 
 struct LightField::Data {
+    Data(const World& world, const Bsp& bsp, const Surfaces& surfaces, const std::vector<Light>& lights, const Lighting& lighting, const Visibility* seen);
     const World& world;
     const Surfaces& surfaces;
     const std::vector<Light>& lights;
@@ -15,6 +16,7 @@ struct LightField::Data {
     TraceScene scene;
     LuxelIndex index;
     EmitterSet emitters;
+    LightSight sight;
     Rgbd sky;
     std::vector<Rgb> place_reflected; // radiance, by places: pieces of luxels, then faces (which answer where there is no chart)
     // Parts to look at: places, then boxes of the world for the lights that reach them, then all that shines or reflects.

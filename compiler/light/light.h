@@ -1,7 +1,8 @@
 // Light: all bounces on patches, then direct light and a guided final gather at every luxel, projected on the
 // kernels of the encoding.
 //
-// In       world, bsp, surfaces, lights
+// In       world, bsp, surfaces, lights; `seen`: which clusters may see which, from rows that know no limit of distance. Without it every light
+//          is tried everywhere
 // Out      per texel irradiance-like values (E without albedo, without 1/pi), patch radiosity, error estimate
 // Errors   none of its own: a world without charts gives empty tables
 // Source   C. Goral et al., "Modeling the Interaction of Light Between Diffuse Surfaces", SIGGRAPH 1984; rows by
@@ -45,6 +46,7 @@ struct ErrorReport {                                    // percent, rRMSE of dis
     }
 };
 
+struct Visibility;
 struct LightMemo; // of an earlier bake of the same geometry (memo.h): taken over where it holds, and replaced by this one's
 
 struct Lighting {
@@ -71,7 +73,7 @@ struct Lighting {
 };
 Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
                             const std::vector<Light>& lights, const LightOptions& options, Context& context,
-                            LightMemo* memo = nullptr);
+                            LightMemo* memo = nullptr, const Visibility* seen = nullptr);
 // The level below which errors are not relative any more: a share of the mean, in powers of two. It is a matter of taste, and a lamp
 // more somewhere must not decide anew everywhere.
 inline double error_floor(double share, double mean) {

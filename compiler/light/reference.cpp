@@ -11,13 +11,13 @@ constexpr int kRouletteFrom = 3, kMostBounces = 4096;
 } // namespace
 
 NearLights::NearLights(const LightField::Data& d, Vec3 x) {
-    for (std::uint32_t i = 0; i < d.lights.size(); ++i) {
+    d.sight.each_light(d.sight.at(x, d.near_reach), [&](std::uint32_t i) {
         const Light& light = d.lights[i]; // of a sky the bound is nothing, of a sun it is the same everywhere
         const double bound = light_bound(light, x, std::min(d.near_reach, length(light.position - x) - 1));
-        if (!(bound > 0)) continue;
+        if (!(bound > 0)) return;
         if (sees(d.scene, x, light)) seen.push_back(i);
         else others.push_back(i), choice.add(bound);
-    }
+    });
 }
 
 Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, End* end) const {

@@ -29,6 +29,7 @@ struct TraceScene::Data {
     std::vector<float> vertices; // local frame, padded as Embree asks
     std::vector<std::uint32_t> indices;
     std::vector<std::uint32_t> triangle_of; // primitive -> triangle of surfaces
+    std::vector<std::uint8_t> stops;        // per face
     RTCDevice device = nullptr;
     RTCScene scene = nullptr;
     std::unique_ptr<Panes> panes; // none: there are none
@@ -99,12 +100,13 @@ TraceScene::TraceScene(const World& world, const Surfaces& surfaces) : data_(std
     }
     d.vertices.insert(d.vertices.end(), 4, 0.0f);
     auto panes = std::make_unique<Panes>(world, surfaces);
+    for (std::uint32_t f = 0; f < surfaces.faces.size(); ++f) {
+        const Panes::Kind kind = panes->kind({f});
+        const bool lets_through = kind == Panes::Kind::pane || kind == Panes::Kind::clear;
+        d.stops.push_back(!lets_through && (surfaces.faces[f].blocks_light || surfaces.faces[f].sky || kind == Panes::Kind::blocks));
+    }
     for (std::size_t t = 0; t < surfaces.triangles.size(); ++t) {
-        const FaceId id = surfaces.triangle_face[t];
-        const Face& face = surfaces.faces[id.at()];
-        const Panes::Kind kind = panes->kind(id);
-        if (kind == Panes::Kind::pane || kind == Panes::Kind::clear) continue;
-        if (!face.blocks_light && !face.sky && kind != Panes::Kind::blocks) continue;
+        if (!d.stops[surfaces.triangle_face[t].at()]) continue;
         const auto& corner = surfaces.triangles[t];
         d.indices.insert(d.indices.end(), corner.begin(), corner.end());
         d.triangle_of.push_back(static_cast<std::uint32_t>(t));
@@ -246,6 +248,10 @@ Rgbd TraceScene::transmitted_from_sky(Vec3 origin, Vec3 unit_direction, const Wi
     data_->panes->along(origin, unit_direction, hit ? hit->distance : 1e30, widths, crossed);
     for (const PaneHit& pane : crossed) through = through * pane.through;
     return through;
+}
+
+bool TraceScene::stops(FaceId face) const {
+    return data_->stops[face.at()];
 }
 
 bool TraceScene::reaches_sky(Vec3 origin, Vec3 unit_direction) const {

@@ -109,6 +109,9 @@ inline Air air_of(const BoxWorld& world) {
         }
     };
     air.light_count = static_cast<std::uint32_t>(world.lamps.size());
+    air.each_light = [&world](Vec3, const std::function<void(std::uint32_t)>& visit) {
+        for (std::uint32_t l = 0; l < world.lamps.size(); ++l) visit(l);
+    };
     air.direct = [&world](std::uint32_t l, Vec3 p) -> std::optional<DirectLight> {
         const Vec3 to = world.lamps[l].position - p;
         const double d2 = dot(to, to);

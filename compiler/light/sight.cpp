@@ -1,0 +1,94 @@
+#include "compiler/light/sight.h"
+
+namespace kiln {
+namespace {
+// Does all that seals stop light? Else light goes where nothing is seen.
+bool opaque(const World& world, const Surfaces& surfaces, const TraceScene& scene) {
+    for (std::uint32_t f = 0; f < surfaces.faces.size(); ++f) {
+        const Face& face = surfaces.faces[f];
+        if (!face.hull || face.curved() || !face.side.valid() || face.model.value != 0) continue;
+        if (world.brushes[world.brush_of(face.side).at()].contents == Contents::solid && !scene.stops({f})) return false;
+    }
+    return true;
+}
+} // namespace
+
+LightSight::LightSight(const World& world, const Surfaces& surfaces, const Bsp& bsp, const Visibility* seen, const TraceScene& scene, const std::vector<Light>& lights, const EmitterSet& emitters)
+    : bsp_(bsp) {
+    lights_.count = static_cast<std::uint32_t>(lights.size()), emitters_.count = static_cast<std::uint32_t>(emitters.emitters.size());
+    if (!seen || seen->cluster_count == 0 || !opaque(world, surfaces, scene)) return;
+    seen_ = seen;
+    std::vector<Clusters> from;
+    // Suns shine through faces of the sky, and in a world that is not sealed through anything.
+    Clusters sky;
+    bool anywhere = std::ranges::none_of(bsp.leaves, &BspLeaf::outside);
+    for (std::uint32_t f = 0; f < surfaces.faces.size(); ++f) {
+        if (!surfaces.faces[f].sky) continue;
+        const Clusters of = of_face(surfaces, {f});
+        anywhere = anywhere || of.empty();
+        sky.insert(sky.end(), of.begin(), of.end());
+    }
+    std::ranges::sort(sky);
+    sky.erase(std::unique(sky.begin(), sky.end()), sky.end());
+    anywhere = anywhere || sky.empty();
+    for (const Light& light : lights)
+        from.push_back(light.kind == LightKind::point || light.kind == LightKind::spot ? at(light.position) : anywhere ? Clusters{} : sky);
+    lights_ = table(from);
+    from.clear();
+    for (const Emitter& e : emitters.emitters) from.push_back(of_face(surfaces, e.face));
+    emitters_ = table(from);
+}
+
+LightSight::Table LightSight::table(std::span<const Clusters> from) const {
+    Table out;
+    out.count = static_cast<std::uint32_t>(from.size()), out.words = (from.size() + 63) / 64;
+    out.bits.resize(seen_->cluster_count * out.words);
+    for (std::size_t i = 0; i < from.size(); ++i)
+        for (std::uint32_t c = 0; c < seen_->cluster_count; ++c)
+            if (from[i].empty() || std::ranges::any_of(from[i], [&](std::uint32_t s) { return seen_->sees(s, c); })) out.bits[c * out.words + i / 64] |= std::uint64_t{1} << (i % 64);
+    return out;
+}
+
+// Leaves inside something solid hold nothing that light comes to.
+Clusters LightSight::at(std::span<const Vec3> points, double reach) const {
+    if (!seen_) return {};
+    Clusters out;
+    for (const LeafId l : leaves_at(bsp_, points, reach)) {
+        const BspLeaf& leaf = bsp_.leaves[l.at()];
+        if (!leaf.open()) continue;
+        if (!leaf.cluster.valid()) return {};
+        out.push_back(leaf.cluster.value);
+    }
+    std::ranges::sort(out);
+    out.erase(std::unique(out.begin(), out.end()), out.end());
+    return out;
+}
+
+Clusters LightSight::on(const Surfaces& surfaces, FaceId id, Vec2 lo, Vec2 hi, double off) const {
+    const Face& face = surfaces.faces[id.at()];
+    if (!face.curved() && face.clusters.size() == 1) return {face.clusters[0].value};
+    std::array<Vec3, 4> corners;
+    for (std::size_t i = 0; i < 4; ++i) corners[i] = world_from_luxel(surfaces, id, {i % 2 ? hi.x : lo.x, i / 2 ? hi.y : lo.y}) + face.normal * off;
+    return at(corners, face.curved() ? 2 * off : -kHair); // rays from what is bent start along other normals
+}
+
+Clusters LightSight::of_face(const Surfaces& surfaces, FaceId id) const {
+    const Face& face = surfaces.faces[id.at()];
+    Clusters out;
+    if (!face.curved() && !face.clusters.empty()) {
+        for (const ClusterId c : face.clusters) out.push_back(c.value);
+        return out;
+    }
+    for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t) {
+        std::array<Vec3, 3> corner;
+        for (std::size_t i = 0; i < 3; ++i) corner[i] = surfaces.positions[surfaces.triangles[t][i]];
+        const Clusters some = at(corner, kHair);
+        if (some.empty()) return {};
+        out.insert(out.end(), some.begin(), some.end());
+    }
+    std::ranges::sort(out);
+    out.erase(std::unique(out.begin(), out.end()), out.end());
+    return out;
+}
+
+} // namespace kiln
