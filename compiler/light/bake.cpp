@@ -254,27 +254,9 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
         coarse_direct[c] += direct[p] * a, coarse_first[c] += first[p] * a;
         coarse_rho[c] += static_cast<Rgbd>(patches_.patches[p].reflectance) * a;
     }
-    Rows merged;
-    merged.first.push_back(0);
-    for (std::uint32_t c = 0; c < m; ++c) {
-        if (area[c] > 0)
-            coarse_direct[c] = coarse_direct[c] / area[c], coarse_first[c] = coarse_first[c] / area[c],
-            coarse_rho[c] = coarse_rho[c] / area[c];
-        std::vector<std::pair<std::uint32_t, double>> row;
-        for (const std::uint32_t p : children[c])
-            for (std::uint64_t k = rows.first[p]; k < rows.first[p + 1]; ++k)
-                row.emplace_back(parent[rows.patch[k]], rows.weight[k] * patches_.patches[p].area / area[c]);
-        std::ranges::sort(row, {}, &std::pair<std::uint32_t, double>::first);
-        for (std::size_t i = 0; i < row.size();) {
-            double w = 0;
-            std::size_t k = i;
-            for (; k < row.size() && row[k].first == row[i].first; ++k) w += row[k].second;
-            merged.patch.push_back(row[i].first), merged.weight.push_back(static_cast<float>(w));
-            i = k;
-        }
-        merged.first.push_back(merged.patch.size());
-    }
-    if (!rows.filtered_first.empty()) merge_filtered(rows, parent, children, area, merged);
+    for (std::uint32_t c = 0; c < m; ++c)
+        if (area[c] > 0) coarse_direct[c] = coarse_direct[c] / area[c], coarse_first[c] = coarse_first[c] / area[c], coarse_rho[c] = coarse_rho[c] / area[c];
+    const Rows merged = merge_rows(rows, parent, children, area);
     std::uint32_t iterations = 0;
     double residual = 0;
     const std::vector<Rgbd> solved = solve(merged, coarse_first, coarse_rho, &iterations, &residual);
@@ -432,6 +414,7 @@ Lighting Bake::run() {
     // A first pass shows where the noise is; the noise share of the target says how many rays it is worth. What the
     // bundles met by surprise (a lamp seen through a slit) gets its own rays, there and next to it.
     noise_.assign(n, 0), noise_weight_.assign(n, 0);
+    new_.assign(n, 0);
     gathered_.assign(luxels, {}), gathered_variance_.assign(luxels, {}), gathered_there_.assign(luxels, 0);
     std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
     luxel_direct(again);

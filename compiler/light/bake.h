@@ -179,7 +179,9 @@ private:
     std::uint64_t gather_key(std::uint32_t patch) const;
     // rows.cpp
     void trace_rows();
+    template <class Of> Rows built(std::size_t count, const Of& of) const;
     Rows merge_rows() const;
+    Rows merge_rows(const Rows& fine, const std::vector<std::uint32_t>& parent, const std::vector<std::vector<std::uint32_t>>& children, const std::vector<double>& area) const;
     std::vector<Rgbd> gathered_emission(bool only_unlisted) const;
     std::vector<Rgbd> solve(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho,
                             std::uint32_t* iterations, double* residual);
@@ -235,6 +237,7 @@ private:
     void share_rays(double wanted);
     // smooth.cpp
     void smooth();
+    std::vector<std::uint8_t> within_reach_of_new();
     void each_gathered(const std::function<void(std::uint32_t)>& body);
     KernelSum light_of(std::uint32_t luxel) const; // all of it, as it is baked
     void store_luxels();
@@ -315,6 +318,7 @@ private:
     std::vector<KernelSum> gathered_, smoothed_;                  // per luxel: what its rays gathered; with what its neighbours tell
     std::vector<std::array<double, 4>> gathered_variance_;        // of what is shown, by these rays
     std::vector<std::uint8_t> gathered_there_;                    // 0: nothing is known there
+    std::vector<std::uint8_t> new_;                               // per patch: gathered since neighbours were last asked
     std::vector<std::uint8_t> beside_;                            // per luxel: bits of those at x + 1, x - 1, y + 1, y - 1 that go on from it
     std::vector<float> left_;                                     // per luxel: share of the variance that neighbours leave
     std::vector<std::uint32_t> rays_;          // per patch: gathered rays of its luxels

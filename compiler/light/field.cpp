@@ -61,9 +61,12 @@ std::vector<std::uint64_t> LightField::part_states() const {
     for (std::uint32_t i = 0; i < Data::kBoxes * Data::kBoxes * Data::kBoxes; ++i) {
         const Vec3 at{double(i / (Data::kBoxes * Data::kBoxes)), double(i / Data::kBoxes % Data::kBoxes), double(i % Data::kBoxes)};
         const Vec3 center = d.bounds.lo + size * 0.5 + Vec3{size.x * at.x, size.y * at.y, size.z * at.z};
+        std::array<Vec3, 8> corners;
+        for (std::size_t k = 0; k < 8; ++k) corners[k] = center + Vec3{k & 1 ? size.x : -size.x, k & 2 ? size.y : -size.y, k & 4 ? size.z : -size.z} * 0.5;
         std::uint64_t state = 0;
-        for (std::size_t k = 0; k < d.lights.size(); ++k)
+        d.sight.each_light(d.sight.at(corners, d.near_reach), [&](std::uint32_t k) {
             if (light_bound(d.lights[k], center, length(size) / 2 + d.near_reach) > 0) state = mix(state, ids[k]);
+        });
         states.push_back(state);
     }
     states.push_back(emitters_state());

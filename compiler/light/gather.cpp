@@ -381,6 +381,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
     std::vector<HitCounts> counts((patches.size() + kChunk - 1) / kChunk);
     std::vector<std::vector<std::uint32_t>> found(patches_.patches.size());
     if (memo_) note_states();
+    for (const std::uint32_t p : patches) new_[p] = 1;
     parallel_for(context_, "light: gather", counts.size(), [&](std::size_t chunk) {
         thread_local Looked looked;
         for (const std::uint32_t p :

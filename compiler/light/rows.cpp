@@ -88,34 +88,52 @@ void Bake::trace_rows() {
     }
 }
 
-// In the order in which each patch was met first.
-Bake::Rows Bake::merge_rows() const {
-    const std::uint32_t m = quality_.row_rays;
-    const std::size_t n = patches_.patches.size();
+// `count` rows of what `of(row, add)` adds up, each in the order in which patches were met first.
+template <class Of> Bake::Rows Bake::built(std::size_t count, const Of& of) const {
     constexpr std::size_t kChunk = 256;
-    std::vector<Rows> parts((n + kChunk - 1) / kChunk);
+    std::vector<Rows> parts((count + kChunk - 1) / kChunk);
     parallel_for(context_, parts.size(), [&](std::size_t chunk) {
-        thread_local std::vector<std::uint32_t> times; // all 0 in between
-        times.resize(std::max(times.size(), n));
+        thread_local std::vector<double> sum; // all 0 in between
+        sum.resize(std::max(sum.size(), patches_.patches.size()));
         Rows& rows = parts[chunk];
-        for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
+        for (std::size_t row = chunk * kChunk; row < std::min(count, (chunk + 1) * kChunk); ++row) {
             const std::size_t first = rows.patch.size();
             rows.first.push_back(first);
-            for (std::size_t i = p * m; i < (p + 1) * m; ++i)
-                if (is_patch(hits_[i]) && times[hits_[i]]++ == 0) rows.patch.push_back(hits_[i]);
-            for (std::size_t k = first; k < rows.patch.size(); ++k)
-                rows.weight.push_back(static_cast<float>(times[rows.patch[k]]) / static_cast<float>(m)), times[rows.patch[k]] = 0;
+            of(row, [&](std::uint32_t patch, double weight) {
+                if (sum[patch] == 0) rows.patch.push_back(patch);
+                sum[patch] += weight;
+            });
+            for (std::size_t k = first; k < rows.patch.size(); ++k) rows.weight.push_back(static_cast<float>(sum[rows.patch[k]])), sum[rows.patch[k]] = 0;
         }
     });
     Rows all;
-    all.first.reserve(n + 1);
+    all.first.reserve(count + 1);
     for (const Rows& part : parts) {
         for (const std::uint64_t f : part.first) all.first.push_back(all.patch.size() + f);
         all.patch.insert(all.patch.end(), part.patch.begin(), part.patch.end());
         all.weight.insert(all.weight.end(), part.weight.begin(), part.weight.end());
     }
     all.first.push_back(all.patch.size());
+    return all;
+}
+
+Bake::Rows Bake::merge_rows() const {
+    const std::uint32_t m = quality_.row_rays;
+    Rows all = built(patches_.patches.size(), [&](std::size_t p, const auto& add) {
+        for (std::size_t i = p * m; i < (p + 1) * m; ++i)
+            if (is_patch(hits_[i])) add(hits_[i], 1.0 / m);
+    });
     if (scene_.has_panes()) merge_filtered(all);
+    return all;
+}
+
+// Of patches that are several each: `area` together.
+Bake::Rows Bake::merge_rows(const Rows& fine, const std::vector<std::uint32_t>& parent, const std::vector<std::vector<std::uint32_t>>& children, const std::vector<double>& area) const {
+    Rows all = built(children.size(), [&](std::size_t c, const auto& add) {
+        for (const std::uint32_t p : children[c])
+            for (std::uint64_t k = fine.first[p]; k < fine.first[p + 1]; ++k) add(parent[fine.patch[k]], fine.weight[k] * patches_.patches[p].area / area[c]);
+    });
+    if (!fine.filtered_first.empty()) merge_filtered(fine, parent, children, area, all);
     return all;
 }
 

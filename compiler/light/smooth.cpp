@@ -22,14 +22,14 @@ double falls_off(int dx, int dy, int reach) { // the weight of a luxel in a wind
 }
 
 // A plane over a window, fitted by weighted least squares: sums of weights times (1, x, y) times themselves, and times values.
-struct Fit {
+template <std::size_t kValues> struct Fit {
     std::array<double, 6> m{}, m2{}, noisy{}; // 1, x, y, xx, xy, yy: by weights, by their squares, by these times the noise
-    std::array<std::array<double, 3>, 4> b{};
+    std::array<std::array<double, 3>, kValues> b{};
     double square = 0, noise = 0;
-    void add(double k, double x, double y, const std::array<double, 4>& v, double variance) {
+    void add(double k, double x, double y, const std::array<double, kValues>& v, double variance) {
         const std::array<double, 6> p{1, x, y, x * x, x * y, y * y};
         for (std::size_t i = 0; i < 6; ++i) m[i] += k * p[i], m2[i] += k * k * p[i], noisy[i] += k * k * variance * p[i];
-        for (std::size_t j = 0; j < 4; ++j) b[j][0] += k * v[j], b[j][1] += k * v[j] * x, b[j][2] += k * v[j] * y, square += k * v[j] * v[j];
+        for (std::size_t j = 0; j < kValues; ++j) b[j][0] += k * v[j], b[j][1] += k * v[j] * x, b[j][2] += k * v[j] * y, square += k * v[j] * v[j];
         noise += k * variance;
     }
 };
@@ -80,14 +80,42 @@ void Bake::store_luxels() {
     });
 }
 
+// Luxels that read one, through their window or through the mean of noise beside what is in it, whose patch was gathered since the last time.
+std::vector<std::uint8_t> Bake::within_reach_of_new() {
+    constexpr int kReads = kReach + 1;
+    const std::vector<Luxel>& luxels = surfaces_.luxels;
+    std::vector<std::uint8_t> out(luxels.size());
+    std::vector<std::uint8_t> fresh, across;
+    for (std::size_t first = 0, end = 0; first < luxels.size(); first = end) {
+        bool any = false;
+        while (end < luxels.size() && luxels[end].chart == luxels[first].chart) any = (luxel_patch_[end] != kNoPatch && new_[luxel_patch_[end]]) || any, ++end;
+        if (!any) continue;
+        const Chart& chart = surfaces_.charts[luxels[first].chart.at()];
+        const int w = static_cast<int>(chart.width), h = static_cast<int>(chart.height);
+        const auto at = [&](int x, int y) { return static_cast<std::size_t>(y * w + x); };
+        fresh.assign(at(0, h), 0), across.assign(at(0, h), 0);
+        for (std::size_t l = first; l < end; ++l)
+            if (luxel_patch_[l] != kNoPatch && new_[luxel_patch_[l]]) fresh[at(luxels[l].x, luxels[l].y)] = 1;
+        for (int y = 0; y < h; ++y)
+            for (int x = 0; x < w; ++x)
+                if (fresh[at(x, y)])
+                    for (int u = std::max(0, x - kReads); u <= std::min(w - 1, x + kReads); ++u) across[at(u, y)] = 1;
+        for (std::size_t l = first; l < end; ++l)
+            for (int v = std::max(0, luxels[l].y - kReads); v <= std::min(h - 1, luxels[l].y + kReads) && !out[l]; ++v) out[l] = across[at(luxels[l].x, v)];
+    }
+    new_.assign(new_.size(), 0);
+    return out;
+}
+
 void Bake::smooth() {
     const std::size_t luxels = surfaces_.luxels.size();
     const auto texel_of = [&](std::uint32_t l) {
         const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
         return chart.first_texel + surfaces_.luxels[l].y * chart.width + surfaces_.luxels[l].x;
     };
-    smoothed_ = gathered_;
-    left_.assign(luxels, 1);
+    // Where nothing within reach was gathered anew, all is as it was. (Lists change only where patches are done again.)
+    const std::vector<std::uint8_t> stirred = within_reach_of_new();
+    smoothed_.resize(luxels), left_.resize(luxels);
     std::vector<std::uint32_t> at_texel(surfaces_.texel_count, UINT32_MAX);
     // What was left to the rays of a patch: light of an emitter with rays of its own is not in what they gathered.
     std::vector<std::uint64_t> left_to_rays;
@@ -122,7 +150,7 @@ void Bake::smooth() {
                 if (const std::uint32_t q = near(l, dx, dy); q != UINT32_MAX && luxel_patch_[q] == luxel_patch_[l]) sum += own_variance[q], ++count;
         variance[l] = sum / count;
     });
-    each_gathered([&](std::uint32_t l) {
+    const auto draw = [&]<std::size_t kValues>(std::uint32_t l) {
         // Where no ray met anything, light is none, not little.
         const bool dark = !(shown[l][0] > 0 || shown[l][1] > 0 || shown[l][2] > 0 || shown[l][3] > 0);
         if (dark || !(variance[l] > 0)) return;
@@ -139,12 +167,12 @@ void Bake::smooth() {
                 const std::uint32_t q = near(l, dx, dy);
                 if (q != UINT32_MAX) window[cell(dx, dy)] = q, todo[known++] = {dx, dy};
             }
-        std::array<Fit, kReach> fits{};
+        std::array<Fit<kValues>, kReach> fits{};
         for (std::size_t i = 0; i < known; ++i) {
             const auto [dx, dy] = todo[i];
             const std::uint32_t q = window[cell(dx, dy)];
-            std::array<double, 4> v{}; // less its own: what they have in common costs digits
-            for (std::size_t j = 0; j < 4; ++j) v[j] = shown[q][j] - shown[l][j];
+            std::array<double, kValues> v{}; // less its own: what they have in common costs digits
+            for (std::size_t j = 0; j < kValues; ++j) v[j] = shown[q][j] - shown[l][j];
             for (int r = 1; r <= kReach; ++r)
                 if (const double k = falls_off(dx, dy, r); k > 0) fits[static_cast<std::size_t>(r - 1)].add(k, dx, dy, v, variance[q]);
         }
@@ -153,7 +181,7 @@ void Bake::smooth() {
         std::array<double, 3> row{}; // of the inverse: what weighted places add to the plane at the luxel
         int reach = 0;
         for (int r = 1; r <= kReach; ++r) {
-            const Fit& f = fits[static_cast<std::size_t>(r - 1)];
+            const Fit<kValues>& f = fits[static_cast<std::size_t>(r - 1)];
             std::array<double, 6> i{};
             if (!inverse(f.m, i)) continue;
             const double free = f.m[0] - (i[0] * f.m2[0] + i[3] * f.m2[3] + i[5] * f.m2[5] + 2 * (i[1] * f.m2[1] + i[2] * f.m2[2] + i[4] * f.m2[4]));
@@ -171,7 +199,7 @@ void Bake::smooth() {
         }
         if (!reach) return;
         KernelSum plane;
-        std::array<double, 4> moved{};
+        std::array<double, kValues> moved{};
         for (std::size_t i = 0; i < known; ++i) {
             const auto [dx, dy] = todo[i];
             const double a = falls_off(dx, dy, reach) * (row[0] + row[1] * dx + row[2] * dy);
@@ -179,7 +207,7 @@ void Bake::smooth() {
             const std::uint32_t q = window[cell(dx, dy)];
             KernelSum part = gathered_[q];
             plane += part *= a;
-            for (std::size_t j = 0; j < 4; ++j) moved[j] += a * (shown[q][j] - shown[l][j]);
+            for (std::size_t j = 0; j < kValues; ++j) moved[j] += a * (shown[q][j] - shown[l][j]);
         }
         if (!(plane.flat[0] >= 0 && plane.flat[1] >= 0 && plane.flat[2] >= 0)) return;
         double far = 0;
@@ -188,6 +216,12 @@ void Bake::smooth() {
         smoothed_[l] *= 1 - share;
         smoothed_[l] += plane *= share;
         left_[l] = static_cast<float>(best / variance[l]);
+    };
+    each_gathered([&](std::uint32_t l) {
+        if (!stirred[l]) return;
+        smoothed_[l] = gathered_[l], left_[l] = 1;
+        if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l);
+        else draw.template operator()<1>(l);
     });
 }
 
