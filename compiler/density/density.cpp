@@ -16,20 +16,10 @@ constexpr double kSeamPercent = 0.15;
 
 constexpr double kDark = 1e-6; // the floor of a scene without light
 
-double scene_mean(const Surfaces& s, const Lighting& light) {
-    double sum = 0, area = 0;
-    for (const Luxel& l : s.luxels) {
-        const Chart& c = s.charts[l.chart.at()];
-        const double a = l.area * luxel_area(s, l.face);
-        sum += a * mean(light.flat[c.first_texel + l.y * c.width + l.x]), area += a;
-    }
-    return area > 0 ? sum / area : 0;
-}
-
 class Coarsening {
 public:
     Coarsening(const Surfaces& s, const Lighting& light, const DensityOptions& options)
-        : s_(s), light_(light), share_(options.error_percent / 100), floor_(std::max(error_floor(options.error_floor, scene_mean(s, light)), kDark)), seams_(seam_lines(s)), first_luxel_(s.charts.size() + 1) {
+        : s_(s), light_(light), share_(options.error_percent / 100), floor_(std::max(error_floor(options.error_floor, mean_irradiance(s, light)), kDark)), seams_(seam_lines(s)), first_luxel_(s.charts.size() + 1) {
         for (const Luxel& l : s.luxels) ++first_luxel_[l.chart.at() + 1];
         std::partial_sum(first_luxel_.begin(), first_luxel_.end(), first_luxel_.begin());
     }
@@ -94,7 +84,7 @@ void Coarsening::cover(ChartLight& out, std::size_t chart) const {
     for (std::uint32_t l = first_luxel_[chart]; l < first_luxel_[chart + 1]; ++l) {
         const Luxel& luxel = s_.luxels[l];
         // Neither baked nor filled: more than two luxels deep in what is solid, and black for want of light to fill it with.
-        const bool known = light_.valid[s_.charts[chart].first_texel + luxel.y * out.width + luxel.x] != 0;
+        const bool known = light_.valid[texel_of(s_, luxel)] != 0;
         for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
             Box3 box;
             for (const Vec2 p : points_of(s_, s_.pieces[luxel.first_piece + k])) box.add(Vec3{p.x, p.y, 0});
@@ -234,7 +224,7 @@ void Coarsening::note_quality(const ChartFit& fit, std::size_t chart, Made& out)
     std::vector<double> error(n), known(n), baked(n);
     for (std::uint32_t l = first_luxel_[chart]; l < first_luxel_[chart + 1]; ++l) {
         const Luxel& luxel = s_.luxels[l];
-        const std::uint32_t texel = c.first_texel + luxel.y * c.width + luxel.x;
+        const std::uint32_t texel = c.texel(luxel.x, luxel.y);
         const Bilinear b = bilinear_at(fit.width, fit.height, {(luxel.x + 0.5) * fit.scale.x + fit.shift.x, (luxel.y + 0.5) * fit.scale.y + fit.shift.y});
         for (std::size_t k = 0; k < 4; ++k) {
             const double share = b.weight[k] * luxel.area;

@@ -37,8 +37,7 @@ public:
         double area = 0;
         for (std::uint32_t l = 0; l < s_.luxels.size(); ++l) {
             const Luxel& luxel = s_.luxels[l];
-            const Chart& c = s_.charts[luxel.chart.at()];
-            if (light_.valid[c.first_texel + luxel.y * c.width + luxel.x] != 1) continue;
+            if (light_.valid[texel_of(s_, luxel)] != 1) continue;
             candidates.push_back(l), cumulative.push_back(area += luxel.area * luxel_area(s_, luxel.face));
         }
         const auto count = static_cast<std::uint32_t>(std::min<std::size_t>(options_.places, candidates.size()));

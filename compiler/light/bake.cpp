@@ -70,10 +70,14 @@ Vec3 shading_normal(const Surfaces& s, FaceId id, Vec3 point) {
     return normal;
 }
 
+Frame light_frame(const Chart& chart, const Face& face, Vec3 normal) {
+    return chart.smooth ? shading_frame(chart.curved() ? face.tangent : chart.frame, normal) : chart.frame;
+}
+
 Frame light_frame(const Surfaces& s, FaceId id, Vec3 point) {
     const Face& face = s.faces[id.at()];
     const Chart& chart = s.charts[face.chart.at()];
-    return chart.smooth ? shading_frame(chart.curved() ? face.tangent : chart.frame, shading_normal(s, id, point)) : chart.frame;
+    return light_frame(chart, face, chart.smooth ? shading_normal(s, id, point) : chart.n);
 }
 
 Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchTable& patches,
@@ -162,10 +166,9 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
     std::vector<std::uint8_t> lit(surfaces_.texel_count);
     for (std::size_t l = 0; l < surfaces_.luxels.size(); ++l) {
         const Luxel& luxel = surfaces_.luxels[l];
-        const Chart& c = surfaces_.charts[luxel.chart.at()];
         const std::uint32_t p = luxel_patch_[l];
         if (p == kNoPatch) continue;
-        const std::size_t texel = c.first_texel + luxel.y * c.width + luxel.x;
+        const std::size_t texel = texel_of(surfaces_, luxel);
         const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
         out.direct[texel] = static_cast<Rgb>(rho * direct_[l].flat);
         out.texel[texel] = static_cast<Rgb>(rho * (direct_[l].flat + rest_of_luxel[l]));
@@ -177,7 +180,7 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
     for (const Chart& c : surfaces_.charts)
         for (std::uint32_t y = 0; y < c.height; ++y)
             for (std::uint32_t x = 0; x < c.width; ++x) {
-                const std::size_t a = c.first_texel + y * c.width + x;
+                const std::size_t a = c.texel(x, y);
                 const auto compare = [&](std::size_t b) {
                     if (!lit[a] || !lit[b]) return;
                     const double change = std::abs(mean(out.direct[a]) - mean(out.direct[b]));
@@ -532,6 +535,15 @@ Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable
     } catch (const Cancelled&) {
         return fault(Exit::cancelled, "cancelled", "stopped while baking light");
     }
+}
+
+double mean_irradiance(const Surfaces& s, const Lighting& light) {
+    double sum = 0, area = 0;
+    for (const Luxel& l : s.luxels) {
+        const double a = l.area * luxel_area(s, l.face);
+        sum += a * mean(light.flat[texel_of(s, l)]), area += a;
+    }
+    return area > 0 ? sum / area : 0;
 }
 
 void validate(const Lighting& l, const Surfaces& s) {

@@ -354,6 +354,7 @@ Vec3 shading_normal(const Surfaces& surfaces, FaceId face, Vec3 point);
 Frame shading_frame(const Frame& chart, Vec3 normal);
 // The frame that directional light is stored in at a point of a face with a chart.
 Frame light_frame(const Surfaces& surfaces, FaceId face, Vec3 point);
+Frame light_frame(const Chart& chart, const Face& face, Vec3 normal); // by the shading normal there
 // How far the mean of all may lie above and below that of a sample with these weights, each with 95 %. `sampled`: the share of all that it is.
 struct Bounds {
     double above = 0, below = 0;

@@ -123,11 +123,7 @@ ReflectedLight Bake::coarse_luxels() const {
         while (end < blocks.size() && blocks[end].first == blocks[i].first) ++end;
         Rgbd sum;
         double area = 0;
-        const auto texel = [&](std::size_t k) {
-            const Luxel& luxel = surfaces_.luxels[blocks[k].second];
-            const Chart& chart = surfaces_.charts[luxel.chart.at()];
-            return chart.first_texel + luxel.y * chart.width + luxel.x;
-        };
+        const auto texel = [&](std::size_t k) { return texel_of(surfaces_, surfaces_.luxels[blocks[k].second]); };
         for (std::size_t k = i; k < end; ++k) {
             const Luxel& luxel = surfaces_.luxels[blocks[k].second];
             const double a = luxel.area * luxel_area(surfaces_, luxel.face);

@@ -19,7 +19,7 @@ template <class Visit> void for_each_bilinear(const Surfaces& surfaces, FaceId f
         for (int i = 0; i < 2; ++i) {
             const double u = x0 + i, v = y0 + j;
             if (u < 0 || v < 0 || u >= chart.width || v >= chart.height) continue;
-            visit(chart.first_texel + static_cast<std::size_t>(v) * chart.width + static_cast<std::size_t>(u),
+            visit(chart.texel(static_cast<std::uint32_t>(u), static_cast<std::uint32_t>(v)),
                   (i ? x - x0 : 1 - x + x0) * (j ? y - y0 : 1 - y + y0));
         }
 }
@@ -123,8 +123,7 @@ LightField::LightField(const World& world, const Bsp& bsp, const PlaneTable&, co
     for (const std::uint32_t p : lighting.piece_patch) d.place_reflected.push_back(of_patch(p));
     for (const std::uint32_t p : lighting.face_patch) d.place_reflected.push_back(of_patch(p));
     for (const Luxel& l : surfaces.luxels) {
-        const Chart& c = surfaces.charts[l.chart.at()];
-        const std::size_t texel = c.first_texel + l.y * c.width + l.x;
+        const std::size_t texel = texel_of(surfaces, l);
         const std::uint32_t patch = lighting.patch_index[texel];
         if (patch >= kMixedPatch || lighting.valid[texel] != 1) continue;
         const Rgbd light = static_cast<Rgbd>(lighting.patches[patch].reflectance) * static_cast<Rgbd>(lighting.flat[texel]) * (1 / kPi);

@@ -79,6 +79,8 @@ Result<Lighting> bake_light(const World& world, const Bsp& bsp, const PlaneTable
 inline double error_floor(double share, double mean) {
     return share * mean > 0 ? std::exp2(std::round(std::log2(share * mean))) : 0;
 }
+// Of the luxels, by their area; 0 where there are none.
+double mean_irradiance(const Surfaces& surfaces, const Lighting& lighting);
 void validate(const Lighting& lighting, const Surfaces& surfaces);
 
 } // namespace kiln

@@ -45,11 +45,7 @@ double polygon_area(const PiecePoints& p) {
 
 LuxelIndex::LuxelIndex(const Surfaces& surfaces)
     : surfaces_(surfaces), texel_luxel_(surfaces.texel_count, UINT32_MAX) {
-    for (std::size_t i = 0; i < surfaces.luxels.size(); ++i) {
-        const Luxel& l = surfaces.luxels[i];
-        const Chart& c = surfaces.charts[l.chart.at()];
-        texel_luxel_[c.first_texel + l.y * c.width + l.x] = static_cast<std::uint32_t>(i);
-    }
+    for (std::size_t i = 0; i < surfaces.luxels.size(); ++i) texel_luxel_[texel_of(surfaces, surfaces.luxels[i])] = static_cast<std::uint32_t>(i);
 }
 
 std::uint32_t LuxelIndex::texel_at(FaceId face, Vec3 point) const {
@@ -57,7 +53,7 @@ std::uint32_t LuxelIndex::texel_at(FaceId face, Vec3 point) const {
     const Vec2 p = luxel_from_world(surfaces_, face, point);
     const double x = std::clamp(std::floor(p.x), 0.0, c.width - 1.0);
     const double y = std::clamp(std::floor(p.y), 0.0, c.height - 1.0);
-    return c.first_texel + static_cast<std::uint32_t>(y) * c.width + static_cast<std::uint32_t>(x);
+    return c.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
 }
 
 std::uint32_t LuxelIndex::piece_at(FaceId face, Vec3 point) const {
@@ -70,7 +66,7 @@ std::uint32_t LuxelIndex::piece_at(FaceId face, Vec3 point) const {
     const auto look = [&](int x, int y) {
         if (x < 0 || y < 0 || x >= static_cast<int>(c.width) || y >= static_cast<int>(c.height)) return;
         const std::uint32_t l =
-            texel_luxel_[c.first_texel + static_cast<std::uint32_t>(y) * c.width + static_cast<std::uint32_t>(x)];
+            texel_luxel_[c.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y))];
         if (l == UINT32_MAX) return;
         const Luxel& luxel = surfaces_.luxels[l];
         for (std::uint32_t k = 0; k < luxel.piece_count; ++k) {
@@ -126,7 +122,7 @@ PieceEdges piece_adjacency(const Surfaces& s) {
                 if (share_edge(points_of(s, s.pieces[l.first_piece + i]),
                                points_of(s, s.pieces[l.first_piece + j])))
                     edges.push_back({l.first_piece + i, l.first_piece + j});
-        const std::uint32_t texel = c.first_texel + l.y * c.width + l.x;
+        const std::uint32_t texel = c.texel(l.x, l.y);
         if (l.x + 1u < c.width && index.luxel_of(texel + 1) != UINT32_MAX)
             between(l, s.luxels[index.luxel_of(texel + 1)]);
         if (l.y + 1u < c.height && index.luxel_of(texel + c.width) != UINT32_MAX)
@@ -262,8 +258,7 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
     out.first_piece.push_back(static_cast<std::uint32_t>(out.pieces.size()));
     out.texel_patch.assign(s.texel_count, kNoPatch);
     for (const Luxel& l : s.luxels) {
-        const Chart& c = s.charts[l.chart.at()];
-        std::uint32_t& patch = out.texel_patch[c.first_texel + l.y * c.width + l.x];
+        std::uint32_t& patch = out.texel_patch[texel_of(s, l)];
         for (std::uint32_t k = 0; k < l.piece_count; ++k) {
             const std::uint32_t q = out.piece_patch[l.first_piece + k];
             patch = k == 0 || patch == q ? q : kMixedPatch;

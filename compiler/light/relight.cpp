@@ -57,9 +57,7 @@ void Bake::note_solution() {
     const auto read = [&](ByteWriter& w, const ReflectedLight& light, std::uint32_t p) {
         w(light.patch[p], light.far[p]);
         for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-            const Luxel& luxel = surfaces_.luxels[patch_luxels_[k]];
-            const Chart& chart = surfaces_.charts[luxel.chart.at()];
-            const std::size_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
+            const std::size_t texel = texel_of(surfaces_, surfaces_.luxels[patch_luxels_[k]]);
             w(light.texel[texel], light.direct[texel], light.steep[texel]);
         }
     };

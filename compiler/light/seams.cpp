@@ -129,7 +129,7 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
             const Vec2 there = luxel_from_world(s, point.face[1 - k], world_from_luxel(s, point.face[k], {at % c.width + 0.5, at / c.width + 0.5}));
             const Chart& d = s.charts[other.chart.at()];
             if (!(there.x >= 0 && there.y >= 0 && there.x < d.width && there.y < d.height)) continue;
-            const auto to = baked(d.first_texel + static_cast<std::uint32_t>(there.y) * d.width + static_cast<std::uint32_t>(there.x));
+            const auto to = baked(d.texel(static_cast<std::uint32_t>(there.x), static_cast<std::uint32_t>(there.y)));
             for (std::size_t q = 0; to && q < 4; ++q)
                 if (const auto from = read.weight[q] > 0 ? baked(read.texel[q]) : std::nullopt; from && scene.occluded(*from + up, *to + up)) return true;
         }
@@ -168,12 +168,12 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
             for (std::size_t k = 0; k < 2 && open; ++k) {
                 const Face& f = s.faces[face[k].at()];
                 point.luxel[k] = ends[k][0] + (ends[k][1] - ends[k][0]) * at;
-                point.frame[k] = chart[k]->smooth ? shading_frame(chart[k]->curved() ? f.tangent : chart[k]->frame, point.normal) : chart[k]->frame;
+                point.frame[k] = light_frame(*chart[k], f, point.normal);
                 // Baked there: a luxel that lies in what is solid, or in a door, is filled in.
                 const double reach = 0.5 * std::sqrt(luxel_area(s, face[k])); // half a luxel
                 const Vec2 within = luxel_from_world(s, face[k], point.position + inwards[k] * (2 * kInside * reach));
                 const auto x = static_cast<std::uint32_t>(std::clamp(within.x, 0.0, chart[k]->width - 1.0)), y = static_cast<std::uint32_t>(std::clamp(within.y, 0.0, chart[k]->height - 1.0));
-                open = lighting.valid[chart[k]->first_texel + y * chart[k]->width + x] == 1;
+                open = lighting.valid[chart[k]->texel(x, y)] == 1;
                 if (!open) break;
                 // Walls of this mesh end it, and so are no seam. What stands on it without cutting it does so here: brush models, terrain.
                 const std::optional<SceneHit> hit = scene.closest(over, inwards[k], reach);
@@ -418,7 +418,7 @@ void Matching::go_on(Part& part) const {
             const Vec2 other = luxel_from_world(s_, p.face[1 - k], p.position + p.along * dot(away, p.along) + p.inwards[1 - k] * beyond);
             const Chart& c = chart_of(p, 1 - k);
             if (!(other.x >= 0 && other.y >= 0 && other.x < c.width && other.y < c.height)) continue;
-            if (light_.valid[c.first_texel + static_cast<std::uint32_t>(other.y) * c.width + static_cast<std::uint32_t>(other.x)] != 1) continue;
+            if (light_.valid[c.texel(static_cast<std::uint32_t>(other.x), static_cast<std::uint32_t>(other.y))] != 1) continue;
             places.push_back({t, nearest / 2, k, bilinear_at(c, other), 0});
         }
         const auto found = static_cast<double>(places.size() - first);
@@ -574,15 +574,10 @@ void Matching::run(std::span<const SeamPoint> points, Context& context) {
 
 void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context) {
     if (surfaces.seams.empty()) return;
-    double sum = 0, area = 0;
-    for (const Luxel& l : surfaces.luxels) {
-        const Chart& c = surfaces.charts[l.chart.at()];
-        const double a = l.area * luxel_area(surfaces, l.face);
-        sum += a * mean(lighting->flat[c.first_texel + l.y * c.width + l.x]), area += a;
-    }
-    if (!(sum > 0)) return; // all dark
+    const double level = mean_irradiance(surfaces, *lighting);
+    if (!(level > 0)) return; // all dark
     const std::vector<SeamPoint> points = seam_points(surfaces, *lighting, scene, kDensity, context);
-    Matching(surfaces, error_floor * sum / area, *lighting).run(points, context);
+    Matching(surfaces, error_floor * level, *lighting).run(points, context);
 }
 
 } // namespace kiln

@@ -25,7 +25,7 @@ public:
         const std::vector<std::uint8_t> fixed = read_by_seams(chart);
         for (std::uint32_t y = 0; y < c.height; ++y)
             for (std::uint32_t x = 0; x < c.width; ++x) {
-                const std::uint32_t texel = c.first_texel + y * c.width + x;
+                const std::uint32_t texel = c.texel(x, y);
                 if (fixed[y * c.width + x] || !light_.valid[texel]) continue;
                 const bool luxel = index_.luxel_of(texel) != UINT32_MAX;
                 if (luxel != (light_.valid[texel] == 1)) continue; // a luxel in a door or a solid, filled: its own pieces read it
@@ -128,7 +128,7 @@ private:
             for (int dx = -1; dx <= 1; ++dx) {
                 const std::int64_t u = x + dx, v = y + dy;
                 if ((!dx && !dy) || u < 0 || v < 0 || u >= c.width || v >= c.height) continue;
-                const auto at = static_cast<std::uint32_t>(c.first_texel + v * c.width + u);
+                const auto at = static_cast<std::uint32_t>(c.texel(u, v));
                 if (light_.valid[at] != 1) continue;
                 bool reached = false;
                 for (std::size_t k = 0; k < kBeside.size() && !reached; ++k) {
@@ -187,7 +187,7 @@ private:
         const Chart& c = s_.charts[chart];
         const auto baked = [&](int dx, int dy) {
             const std::int64_t u = std::int64_t{x} + dx, v = std::int64_t{y} + dy;
-            return u >= 0 && v >= 0 && u < c.width && v < c.height && light_.valid[c.first_texel + static_cast<std::uint32_t>(v) * c.width + static_cast<std::uint32_t>(u)] == 1;
+            return u >= 0 && v >= 0 && u < c.width && v < c.height && light_.valid[c.texel(static_cast<std::uint32_t>(u), static_cast<std::uint32_t>(v))] == 1;
         };
         std::optional<std::size_t> side;
         for (std::size_t k = 0; k < kBeside.size(); ++k) {
@@ -196,7 +196,7 @@ private:
             side = k;
         }
         if (!side) return std::nullopt;
-        const std::uint32_t texel = c.first_texel + y * c.width + x, rim = step(c, texel, *side);
+        const std::uint32_t texel = c.texel(x, y), rim = step(c, texel, *side);
         // Faces across its corners read it as well: only where they go on from that luxel.
         for (int dy = -1; dy <= 1; dy += 2)
             for (int dx = -1; dx <= 1; dx += 2) {

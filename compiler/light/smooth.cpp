@@ -66,7 +66,7 @@ void Bake::store_luxels() {
     each_gathered([&](std::uint32_t l) {
         const Luxel& luxel = surfaces_.luxels[l];
         const Chart& chart = surfaces_.charts[luxel.chart.at()];
-        const std::uint32_t texel = chart.first_texel + luxel.y * chart.width + luxel.x;
+        const std::uint32_t texel = texel_of(surfaces_, luxel);
         const LuxelKernel kernel = kernel_of(l);
         const KernelSum sum = light_of(l);
         out_.flat[texel] = static_cast<Rgb>(sum.flat);
@@ -109,10 +109,6 @@ std::vector<std::uint8_t> Bake::within_reach_of_new() {
 
 void Bake::smooth() {
     const std::size_t luxels = surfaces_.luxels.size();
-    const auto texel_of = [&](std::uint32_t l) {
-        const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
-        return chart.first_texel + surfaces_.luxels[l].y * chart.width + surfaces_.luxels[l].x;
-    };
     // Where nothing within reach was gathered anew, all is as it was. (Lists change only where patches are done again.)
     const std::vector<std::uint8_t> stirred = within_reach_of_new();
     smoothed_.resize(luxels), left_.resize(luxels);
@@ -130,7 +126,7 @@ void Bake::smooth() {
     std::vector<std::array<double, 4>> shown(luxels);
     std::vector<double> own_variance(luxels), variance(luxels);
     each_gathered([&](std::uint32_t l) {
-        at_texel[texel_of(l)] = l;
+        at_texel[texel_of(surfaces_, surfaces_.luxels[l])] = l;
         const LuxelKernel kernel = kernel_of(l);
         const std::array<Rgbd, 4> all = kernel.shown(gathered_[l]);
         for (std::size_t j = 0; j < kernel.shown_count(); ++j) shown[l][j] = mean(all[j]), own_variance[l] += gathered_variance_[l][j];
@@ -140,7 +136,7 @@ void Bake::smooth() {
         const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
         const int x = surfaces_.luxels[l].x + dx, y = surfaces_.luxels[l].y + dy;
         if (x < 0 || y < 0 || x >= static_cast<int>(chart.width) || y >= static_cast<int>(chart.height)) return UINT32_MAX;
-        const std::uint32_t q = at_texel[chart.first_texel + static_cast<std::uint32_t>(y) * chart.width + static_cast<std::uint32_t>(x)];
+        const std::uint32_t q = at_texel[chart.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y))];
         return q == UINT32_MAX || left_to_rays[luxel_patch_[q]] != left_to_rays[luxel_patch_[l]] ? UINT32_MAX : q;
     };
     each_gathered([&](std::uint32_t l) {

@@ -84,6 +84,7 @@ struct Chart {
     bool smooth = false;            // some corner normal differs from n
     std::uint32_t curve = UINT32_MAX; // index into Surfaces::curves; none: of brush faces
     bool curved() const { return curve != UINT32_MAX; }
+    std::uint32_t texel(std::uint32_t x, std::uint32_t y) const { return first_texel + y * width + x; } // into those arrays
     template <class A> void fields(A& a) {
         a(origin, s, t, n, frame, luxel_size, width, height, first_texel, faces, smooth, curve);
     }
@@ -186,6 +187,7 @@ struct Surfaces {
 };
 
 inline PiecePoints points_of(const Surfaces& s, const LuxelPiece& piece) { return {piece, s.piece_points}; }
+inline std::uint32_t texel_of(const Surfaces& s, const Luxel& l) { return s.charts[l.chart.at()].texel(l.x, l.y); }
 inline Vec2 centroid_of(const Surfaces& s, const Luxel& l) { return l.centroid == UINT32_MAX ? Vec2{l.x + 0.5, l.y + 0.5} : s.centroids[l.centroid]; }
 
 // From the world to luxel coordinates and back, on the plane of a face with a chart.

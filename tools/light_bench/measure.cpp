@@ -271,7 +271,8 @@ Seeds compare_seeds(const Truth& truth, std::span<const Measurement> runs) {
         out.within_estimate += m.errors.worst <= m.estimate, out.within_high += m.errors.worst <= m.high, out.within_target += m.errors.worst <= m.target;
         out.error += m.errors.worst * m.errors.worst / n, out.estimate += m.estimate * m.estimate / n, out.high += m.high * m.high / n;
         out.own_noise += m.own_noise * m.own_noise / n, out.own_bias += m.own_bias * m.own_bias / n;
-        if (m.estimate > 0) out.over_estimate = std::max(out.over_estimate, m.errors.worst / m.estimate), out.over_high = std::max(out.over_high, m.errors.worst / m.high);
+        const auto over = [&](double told) { return told > 0 ? m.errors.worst / told : m.errors.worst > 0 ? std::numeric_limits<double>::infinity() : 0.0; };
+        out.over_estimate = std::max(out.over_estimate, over(m.estimate)), out.over_high = std::max(out.over_high, over(m.high));
         out.cpu_s += m.cpu_s / n, out.rays += m.rays / n;
         for (std::size_t d = 0; d < 4; ++d) out.bias[d] += m.errors.bias[d] / n;
     }

@@ -82,7 +82,7 @@ Measurement measure_bake(const LightScene& scene, const Truth& truth, double tar
 struct Seeds {
     std::size_t runs = 0, within_estimate = 0, within_high = 0, within_target = 0;
     double error = 0, estimate = 0, high = 0;         // percent, root mean square over the runs
-    double over_estimate = 0, over_high = 0;          // the largest true error over each
+    double over_estimate = 0, over_high = 0;          // the largest true error over each; infinite: told to be none, and there is some
     double noise = 0, common = 0;                     // percent, worst direction: found in the values of the runs
     double own_noise = 0, own_bias = 0;               // what the bake says of those
     std::array<double, 4> bias{};                     // percent: of the sum over all luxels, mean over the runs

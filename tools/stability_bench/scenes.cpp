@@ -58,11 +58,7 @@ Lighting baked(const Compiled& c, const std::vector<Light>& lights, const LightO
     return std::move(*l);
 }
 namespace {
-std::size_t texel_of(const Surfaces& s, const Spot& spot) {
-    const Luxel& l = s.luxels[spot.luxel];
-    const Chart& c = s.charts[l.chart.at()];
-    return c.first_texel + l.y * c.width + l.x;
-}
+std::size_t texel_of(const Surfaces& s, const Spot& spot) { return kiln::texel_of(s, s.luxels[spot.luxel]); }
 } // namespace
 double irradiance_at(const Surfaces& s, const Lighting& l, const Spot& spot) { return static_cast<double>(mean(l.flat[texel_of(s, spot)])); }
 bool shown_at(const Surfaces& s, const Lighting& l, const Spot& spot) { return l.valid[texel_of(s, spot)] == 1; }

@@ -301,7 +301,7 @@ void sweep_settings(SweepReport& r, const SweepSettings& s, Context& context) {
             for (const std::uint32_t i : truth->luxels) {
                 const Luxel& luxel = c->surfaces.luxels[i];
                 const Chart& chart = c->surfaces.charts[luxel.chart.at()];
-                values.push_back({static_cast<Rgbd>(l.flat[chart.first_texel + luxel.y * chart.width + luxel.x])});
+                values.push_back({static_cast<Rgbd>(l.flat[chart.texel(luxel.x, luxel.y)])});
             }
             const double found = compare(*truth, values).rrmse[0];
             add_point(cover, "true error", 0, target, found);

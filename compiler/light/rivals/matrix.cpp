@@ -223,7 +223,7 @@ private:
             for (int dx = -1; dx <= 1; ++dx) {
                 const int x = luxel.x + dx * reach, y = luxel.y + dy * reach;
                 if ((!dx && !dy) || x < 0 || y < 0 || x >= static_cast<int>(chart.width) || y >= static_cast<int>(chart.height)) continue;
-                const std::uint32_t p = set_.table.texel_patch[chart.first_texel + static_cast<std::uint32_t>(y) * chart.width + static_cast<std::uint32_t>(x)];
+                const std::uint32_t p = set_.table.texel_patch[chart.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y))];
                 if (p < kMixedPatch && std::ranges::find(about, p) == about.end()) about.push_back(p);
             }
         for (const std::uint32_t p : about) {

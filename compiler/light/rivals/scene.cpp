@@ -45,13 +45,7 @@ Receiver receiver_at(Vec3 point, Vec3 normal, Vec3 tangent) {
 
 std::array<Vec3, 4> directions_at(const Scene& scene, FaceId id, Vec3 point) {
     const Face& face = scene.surfaces.faces[id.at()];
-    Frame frame = face.tangent;
-    if (face.chart.valid()) {
-        const Chart& chart = scene.surfaces.charts[face.chart.at()];
-        frame = chart.curved() ? face.tangent : chart.frame;
-        if (chart.smooth) frame = shading_frame(frame, shading_normal(scene.surfaces, id, point));
-    }
-    return directions_of(frame);
+    return directions_of(face.chart.valid() ? light_frame(scene.surfaces, id, point) : face.tangent);
 }
 
 std::vector<Receiver> receivers_of(const Scene& scene, std::span<const std::uint32_t> luxels) {

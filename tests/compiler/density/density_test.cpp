@@ -52,7 +52,7 @@ struct Room {
             for (std::uint32_t y = 0; y < chart.height; ++y)
                 for (std::uint32_t x = 0; x < chart.width; ++x) {
                     const Vec3 p = place(c, {x + 0.5, y + 0.5});
-                    Rgb& flat = lighting.flat[chart.first_texel + y * chart.width + x];
+                    Rgb& flat = lighting.flat[chart.texel(x, y)];
                     flat = field(p, normal(c));
                     if (!wanted) continue;
                     const auto lean = static_cast<float>(leaning * std::sin(p.x / 90 + p.y / 70));
@@ -77,13 +77,7 @@ struct Room {
         return pack({b.world, csg, bsp, visibility, surfaces, {}, lighting, {}, {}, "{}", "", "", density}, {.zstd_level = 1, .rgb9e5 = false}, context);
     }
     double floor() const {
-        double sum = 0, area = 0;
-        for (const Luxel& l : surfaces.luxels) {
-            const Chart& c = surfaces.charts[l.chart.at()];
-            const double a = l.area * luxel_area(surfaces, l.face);
-            sum += a * mean(lighting.flat[c.first_texel + l.y * c.width + l.x]), area += a;
-        }
-        return 0.02 * sum / area;
+        return 0.02 * mean_irradiance(surfaces, lighting);
     }
     // The chart of the floor: the largest that looks up.
     std::size_t floor_chart() const {
@@ -289,18 +283,18 @@ TEST(Density, GuttersThatWereFilledDoNotBendARamp) {
     Room room;
     room.light([](Vec3 p, Vec3) { const auto v = static_cast<float>(1 + p.x / 512); return Rgb{v, v, v}; });
     std::vector<std::uint8_t> baked(room.surfaces.texel_count);
-    for (const Luxel& l : room.surfaces.luxels) baked[room.surfaces.charts[l.chart.at()].first_texel + l.y * room.surfaces.charts[l.chart.at()].width + l.x] = 1;
+    for (const Luxel& l : room.surfaces.luxels) baked[texel_of(room.surfaces, l)] = 1;
     const std::size_t floor = room.floor_chart();
     const Chart& c = room.surfaces.charts[floor];
     for (std::uint32_t y = 0; y < c.height; ++y)
         for (std::uint32_t x = 0; x < c.width; ++x) {
-            const std::uint32_t t = c.first_texel + y * c.width + x;
+            const std::uint32_t t = c.texel(x, y);
             if (baked[t]) continue;
             room.lighting.valid[t] = 2;
             for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
                 const auto u = static_cast<std::int64_t>(x) + dx, v = static_cast<std::int64_t>(y) + dy;
-                if (u < 0 || v < 0 || u >= c.width || v >= c.height || !baked[c.first_texel + static_cast<std::uint32_t>(v) * c.width + static_cast<std::uint32_t>(u)]) continue;
-                room.lighting.flat[t] = room.lighting.flat[c.first_texel + static_cast<std::uint32_t>(v) * c.width + static_cast<std::uint32_t>(u)];
+                if (u < 0 || v < 0 || u >= c.width || v >= c.height || !baked[c.texel(static_cast<std::uint32_t>(u), static_cast<std::uint32_t>(v))]) continue;
+                room.lighting.flat[t] = room.lighting.flat[c.texel(static_cast<std::uint32_t>(u), static_cast<std::uint32_t>(v))];
             }
         }
     const ChartGrid g = room.coarse(0.5).grids[floor];

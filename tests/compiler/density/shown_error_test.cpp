@@ -69,7 +69,7 @@ TEST(ShownError, SeesThatAGridIsTooCoarse) {
     std::vector<double> area(s.charts.size());
     Rgbd level;
     double all = 0, square = 0;
-    const auto light = [&](const Luxel& l) { return static_cast<Rgbd>(b->lighting.flat[s.charts[l.chart.at()].first_texel + l.y * s.charts[l.chart.at()].width + l.x]); };
+    const auto light = [&](const Luxel& l) { return static_cast<Rgbd>(b->lighting.flat[texel_of(s, l)]); };
     for (const Luxel& l : s.luxels) sum[l.chart.at()] += light(l) * l.area, area[l.chart.at()] += l.area, level += light(l) * l.area, all += l.area;
     for (std::size_t c = 0; c < s.charts.size(); ++c) {
         one.grids.push_back({{1e-6, 1e-6}, {0.5, 0.5}, 1, 1, static_cast<std::uint32_t>(c)});

@@ -53,7 +53,7 @@ TEST(CurvedLight, FurnaceIsEvenOverATerrainAndACurve) {
     double worst = 0;
     for (const Luxel& l : baked.surfaces.luxels) {
         const Chart& c = baked.surfaces.charts[l.chart.at()];
-        const std::size_t t = c.first_texel + l.y * c.width + l.x;
+        const std::size_t t = c.texel(l.x, l.y);
         if (!c.curved() || baked.lighting.valid[t] != 1) continue;
         ++curved;
         worst = std::max(worst, std::abs(baked.lighting.flat[t].x / kPi - 1));
@@ -78,7 +78,7 @@ TEST(CurvedLight, ASlopeGetsTheCosineOfItsOwnNormal) {
     std::size_t checked = 0;
     for (const Luxel& l : baked.surfaces.luxels) {
         const Chart& c = baked.surfaces.charts[l.chart.at()];
-        const std::size_t t = c.first_texel + l.y * c.width + l.x;
+        const std::size_t t = c.texel(l.x, l.y);
         if (!c.curved() || baked.lighting.valid[t] != 1 || l.area < 0.999f) continue;
         const Vec3 p = world_from_luxel(baked.surfaces, l.face, centroid_of(baked.surfaces, l)), d = lamp.position - p;
         const Vec3 n = baked.surfaces.faces[l.face.at()].normal;
@@ -100,7 +100,7 @@ TEST(CurvedLight, ARidgeBlocksLight) {
     std::size_t dark = 0, lit = 0;
     for (const Luxel& l : baked.surfaces.luxels) {
         const Chart& c = baked.surfaces.charts[l.chart.at()];
-        const std::size_t t = c.first_texel + l.y * c.width + l.x;
+        const std::size_t t = c.texel(l.x, l.y);
         if (!c.curved() || baked.lighting.valid[t] != 1) continue;
         const Vec3 p = world_from_luxel(baked.surfaces, l.face, centroid_of(baked.surfaces, l));
         if (p.z > 1) continue;

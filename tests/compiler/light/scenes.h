@@ -92,10 +92,6 @@ inline FaceId pane(SurfacesBuilder& b, Vec3 corner, Vec3 u, Vec3 v, MaterialId m
     return face;
 }
 
-inline std::size_t texel_of(const Surfaces& s, const Luxel& l) {
-    const Chart& c = s.charts[l.chart.at()];
-    return c.first_texel + l.y * c.width + l.x;
-}
 inline Vec3 center_of(const Surfaces& s, const Luxel& l) {
     const Chart& c = s.charts[l.chart.at()];
     const Vec2 at = centroid_of(s, l);

@@ -63,7 +63,7 @@ TEST(Shown, ARampGoesOnToTheRim) {
                         const std::uint32_t t = read.texel[q];
                         if (p.baked->lighting.valid[t] == 2) { // beyond a corner of the room no texel is beside one
                             const std::uint32_t x = (t - c.first_texel) % c.width, y = (t - c.first_texel) / c.width;
-                            const auto baked = [&](std::uint32_t u, std::uint32_t v) { return u < c.width && v < c.height && p.baked->lighting.valid[c.first_texel + v * c.width + u] == 1; };
+                            const auto baked = [&](std::uint32_t u, std::uint32_t v) { return u < c.width && v < c.height && p.baked->lighting.valid[c.texel(u, v)] == 1; };
                             corner |= !baked(x - 1, y) && !baked(x + 1, y) && !baked(x, y - 1) && !baked(x, y + 1), rim = true;
                         }
                         flat += read.weight[q] * static_cast<double>(shown.flat[t][0]), leaning += read.weight[q] * static_cast<double>(shown.rnm[p.rnm(l.chart, t)][2][1]);

@@ -272,7 +272,7 @@ TEST_F(PackedRooms, LightAtLuxelsIsTheBakes) {
         const Face& f = surfaces.faces[l.face.at()];
         const auto e = level.irradiance(l.face.value, {p.x, p.y, p.z}, {static_cast<float>(f.normal.x), static_cast<float>(f.normal.y), static_cast<float>(f.normal.z)});
         ASSERT_TRUE(e);
-        const Rgb wanted = lighting.flat[c.first_texel + std::size_t{l.y} * c.width + l.x];
+        const Rgb wanted = lighting.flat[c.texel(l.x, l.y)];
         for (std::size_t k = 0; k < 3; ++k) ASSERT_NEAR((*e)[k], wanted[k], max_component(wanted) * 2.5e-3);
     }
 }

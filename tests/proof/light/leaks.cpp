@@ -253,7 +253,7 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
     for (const Luxel& x : s.luxels) {
         const Chart& c = s.charts[x.chart.at()];
         if (m.bright(place(x.face, centroid_of(s, x)) + s.faces[x.face.at()].normal * (4 * kInside)))
-            brightest = std::max(brightest, most(l.flat[c.first_texel + x.y * c.width + x.x]));
+            brightest = std::max(brightest, most(l.flat[c.texel(x.x, x.y)]));
     }
     // What a run time shows at a place: four texels of every layer, whatever they are, held within the chart.
     const auto shown = [&](const Chart& c, std::size_t chart, Vec2 at) {
@@ -300,7 +300,7 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
                                                 s.faces[piece.face.at()].normal.z, x.area);
                     }
         }
-        if (all_dark) out.luxel = std::max(out.luxel, most(l.flat[c.first_texel + x.y * c.width + x.x]) / brightest);
+        if (all_dark) out.luxel = std::max(out.luxel, most(l.flat[c.texel(x.x, x.y)]) / brightest);
     }
     for (std::size_t p = 0; p < l.patches.size(); ++p)
         if (m.dark(l.patches[p].centroid + s.faces[l.patches[p].face.at()].normal * (2 * kInside)))

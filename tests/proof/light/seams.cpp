@@ -222,13 +222,7 @@ SeamsFound find_seams_shown(SeamMap m, double error_percent, RnmEncoding encodin
     const Bytes bytes = pack({world, *csg, *bsp, visibility, s, m.lights, *baked, {}, {}, "{}", "", "", &*density}, {.zstd_level = 1}, context);
     const level::Level level(bytes);
 
-    double light = 0, area = 0;
-    for (const Luxel& l : s.luxels) {
-        const Chart& c = s.charts[l.chart.at()];
-        const double a = l.area * luxel_area(s, l.face);
-        light += a * mean(baked->flat[c.first_texel + l.y * c.width + l.x]), area += a;
-    }
-    const double floor = 0.02 * light / area;
+    const double floor = 0.02 * mean_irradiance(s, *baked);
     const std::vector<std::uint32_t> numbers = level_faces(s);
     const auto shown = [&](FaceId face, Vec3 p, const Vec3* normal) {
         const double at[3] = {p.x, p.y, p.z};

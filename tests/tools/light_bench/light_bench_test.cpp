@@ -76,6 +76,15 @@ TEST(LightBench, SeedsPartIntoWhatTheyShareAndWhatNot) {
     EXPECT_NEAR(worst[0].share, 1.0 / 3, 1e-9);
 }
 
+TEST(LightBench, AnErrorToldToBeNoneIsNotCovered) {
+    const Truth t = truth_of({1, 2, 4});
+    Measurement run;
+    run.values = scaled(t, 1.02, 1), run.errors = compare(t, run.values);
+    EXPECT_TRUE(std::isinf(compare_seeds(t, {{run}}).over_high));
+    run.values = t.value, run.errors = compare(t, run.values);
+    EXPECT_EQ(compare_seeds(t, {{run}}).over_high, 0);
+}
+
 TEST(LightBench, NoiseOfTheTruthIsTakenOut) {
     const Truth t = truth_of({1, 1, 1, 1}, 0.03);
     const Errors e = compare(t, scaled(t, 1.05, 1.05));
