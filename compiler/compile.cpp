@@ -236,7 +236,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 18, kAmbientVersion = 8, kDensityVersion = 8;
+constexpr std::uint32_t kLightVersion = 19, kAmbientVersion = 9, kDensityVersion = 8;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
@@ -249,12 +249,12 @@ template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo,
     if (made && memo.changed()) (void)run.store->save(place, to_bytes(memo)); // not kept: the next run takes nothing over
     return made;
 }
-Result<Lighting> relight(Hash shape, const LightOptions& options, const Visibility* seen, const CompileRun& run, Context& context, const Compiled& out) {
+Result<Lighting> relight(Hash shape, Hash sight, const LightOptions& options, const Visibility* seen, const CompileRun& run, Context& context, const Compiled& out) {
     LightMemo memo;
     const auto rows_key = [&](Hash table) { return all(std::string("form factors"), kLightVersion, shape, table); };
     memo.load_rows = [&](Hash table) { return run.store->load(rows_key(table)); };
     memo.save_rows = [&](Hash table, Bytes rows) { (void)run.store->save(rows_key(table), rows); };
-    return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, options), memo, run,
+    return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, sight, options), memo, run,
                                [&](LightMemo* m) { return bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, m, seen); });
 }
 // The openings themselves were reported by the stage.
@@ -330,11 +330,13 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.lights = read_lights(world, context);
     if (out.lights.empty() && std::ranges::all_of(world.materials, [](const Material& m) { return m.emission == Rgb{}; }))
         context.report(Severity::warning, "no-lights", "nothing in the map gives light: the level will be black", {.file = world.file});
-    const Visibility* seen = sight.radius > 0 ? nullptr : &out.visibility; // light goes on in the fog
-    const Hash shape = all(without_overlays(out.surfaces, *surfaces), *bsp, panes_key(world, out.surfaces), seen ? hash_of(seen->rows) : Hash{}); // what rays meet, whatever shines
-    const Hash lit = all(shape, hash_of(world.materials), lights_key(out.lights));
+    // Light goes on in the fog; and it must not depend on how far visibility came in some time.
+    const Visibility* seen = sight.radius > 0 || out.visibility_stopped ? nullptr : &out.visibility;
+    const Hash seen_by = seen ? hash_of(seen->rows) : Hash{};
+    const Hash shape = all(without_overlays(out.surfaces, *surfaces), *bsp, panes_key(world, out.surfaces)); // what rays meet, whatever shines
+    const Hash lit = all(shape, seen_by, hash_of(world.materials), lights_key(out.lights));
     const auto light = stages.run(Stage::light, kLightVersion, all(lit, options.light), places, out.lighting,
-                                  [&] { return relight(shape, options.light, seen, run, context, out); });
+                                  [&] { return relight(shape, seen_by, options.light, seen, run, context, out); });
     if (!light) return light.fault();
     if (done(Stage::light)) return true;
 
@@ -347,7 +349,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     const auto ambient = stages.run(Stage::ambient, kAmbientVersion, all(lit, *light, options.ambient), places, out.ambient,
                                     [&] {
                                         Memo memo;
-                                        return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, field().scene().instruction_set(), shape, options.light, options.ambient), memo, run,
+                                        return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.ambient), memo, run,
                                                                   [&](Memo* m) { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context, m); });
                                     });
     if (!ambient) return ambient.fault();

@@ -197,7 +197,6 @@ private:
     Rgbd through_panes(std::span<const PaneHit> panes, Vec3 way, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,
                        const ReflectedLight& light, Looked* looked, int depth, Rgbd behind) const;
     // direct.cpp
-    Clusters clusters_of_patch(std::uint32_t patch) const;
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
     std::uint64_t stream_of(const LightRef& ref) const;

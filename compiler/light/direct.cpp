@@ -89,15 +89,6 @@ std::uint16_t Bake::penumbra_samples(double share) const {
     return static_cast<std::uint16_t>(n);
 }
 
-Clusters Bake::clusters_of_patch(std::uint32_t p) const {
-    const FaceId face = patches_.patches[p].face;
-    if (!surfaces_.faces[face.at()].chart.valid()) return sight_.of_face(surfaces_, face);
-    Vec2 lo{1e30, 1e30}, hi{-1e30, -1e30};
-    for (std::uint32_t k = patches_.first_piece[p]; k < patches_.first_piece[p + 1]; ++k)
-        for (const Vec2& q : points_of(surfaces_, surfaces_.pieces[patches_.pieces[k]])) lo = {std::min(lo.x, q.x), std::min(lo.y, q.y)}, hi = {std::max(hi.x, q.x), std::max(hi.y, q.y)};
-    return sight_.on(surfaces_, face, lo, hi, scene_.push_off());
-}
-
 // For every patch: emitters that it or a neighbour sees and whose light, left to the gathered rays, would be too
 // noisy; and every light entity that could matter. What is not listed stays with the gathered rays: nothing is
 // lost.
@@ -124,7 +115,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         for (auto p = static_cast<std::uint32_t>(chunk * kChunk); p < std::min(n, (chunk + 1) * kChunk); ++p) {
             const Patch& patch = patches_.patches[p];
             if (!receives(p)) continue;
-            clusters_[p] = clusters_of_patch(p);
+            clusters_[p] = sight_.of_patch(surfaces_, patches_, p, scene_.push_off());
             const Footprint footprint = footprint_of_patch(p);
             if (footprint.empty()) continue;
             const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);

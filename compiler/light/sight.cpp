@@ -4,6 +4,7 @@ namespace kiln {
 namespace {
 // Does all that seals stop light? Else light goes where nothing is seen.
 bool opaque(const World& world, const Surfaces& surfaces, const TraceScene& scene) {
+    if (std::ranges::any_of(world.brushes, [](const WorldBrush& b) { return b.contents == Contents::solid && b.model.value == 0 && !b.casts_light_shadow; })) return false;
     for (std::uint32_t f = 0; f < surfaces.faces.size(); ++f) {
         const Face& face = surfaces.faces[f];
         if (!face.hull || face.curved() || !face.side.valid() || face.model.value != 0) continue;
@@ -18,6 +19,8 @@ LightSight::LightSight(const World& world, const Surfaces& surfaces, const Bsp& 
     lights_.count = static_cast<std::uint32_t>(lights.size()), emitters_.count = static_cast<std::uint32_t>(emitters.emitters.size());
     if (!seen || seen->cluster_count == 0 || !opaque(world, surfaces, scene)) return;
     seen_ = seen;
+    for (const BspLeaf& leaf : bsp.leaves)
+        if (!leaf.bounds.empty()) box_.add(leaf.bounds);
     std::vector<Clusters> from;
     // Suns shine through faces of the sky, and in a world that is not sealed through anything.
     Clusters sky;
@@ -52,6 +55,9 @@ LightSight::Table LightSight::table(std::span<const Clusters> from) const {
 // Leaves inside something solid hold nothing that light comes to.
 Clusters LightSight::at(std::span<const Vec3> points, double reach) const {
     if (!seen_) return {};
+    for (const Vec3& p : points)
+        for (std::size_t a = 0; a < 3; ++a)
+            if (p[a] - reach < box_.lo[a] || p[a] + reach > box_.hi[a]) return {};
     Clusters out;
     for (const LeafId l : leaves_at(bsp_, points, reach)) {
         const BspLeaf& leaf = bsp_.leaves[l.at()];
@@ -70,6 +76,31 @@ Clusters LightSight::on(const Surfaces& surfaces, FaceId id, Vec2 lo, Vec2 hi, d
     std::array<Vec3, 4> corners;
     for (std::size_t i = 0; i < 4; ++i) corners[i] = world_from_luxel(surfaces, id, {i % 2 ? hi.x : lo.x, i / 2 ? hi.y : lo.y}) + face.normal * off;
     return at(corners, face.curved() ? 2 * off : -kHair); // rays from what is bent start along other normals
+}
+
+Clusters LightSight::of_patch(const Surfaces& surfaces, const PatchTable& table, std::uint32_t patch, double off) const {
+    if (!seen_) return {};
+    if (table.first_piece[patch] == table.first_piece[patch + 1]) return of_face(surfaces, table.patches[patch].face);
+    struct OnFace {
+        FaceId face;
+        Vec2 lo{1e30, 1e30}, hi{-1e30, -1e30};
+    };
+    std::vector<OnFace> parts;
+    for (std::uint32_t k = table.first_piece[patch]; k < table.first_piece[patch + 1]; ++k) {
+        const LuxelPiece& piece = surfaces.pieces[table.pieces[k]];
+        auto part = std::ranges::find(parts, piece.face, &OnFace::face);
+        if (part == parts.end()) part = parts.insert(part, OnFace{piece.face});
+        for (const Vec2& q : points_of(surfaces, piece)) part->lo = {std::min(part->lo.x, q.x), std::min(part->lo.y, q.y)}, part->hi = {std::max(part->hi.x, q.x), std::max(part->hi.y, q.y)};
+    }
+    Clusters out;
+    for (const OnFace& part : parts) {
+        const Clusters some = on(surfaces, part.face, part.lo, part.hi, off);
+        if (some.empty()) return {};
+        out.insert(out.end(), some.begin(), some.end());
+    }
+    std::ranges::sort(out);
+    out.erase(std::unique(out.begin(), out.end()), out.end());
+    return out;
 }
 
 Clusters LightSight::of_face(const Surfaces& surfaces, FaceId id) const {

@@ -1,6 +1,7 @@
 // Where lights may shine, as the visibility rows say: what is known to be dark is asked of no ray. Private to this folder.
 #pragma once
 #include "compiler/light/emitters.h"
+#include "compiler/light/patches.h"
 #include "compiler/visibility/visibility.h"
 
 namespace kiln {
@@ -11,15 +12,16 @@ using Clusters = std::vector<std::uint32_t>;
 class LightSight {
 public:
     static constexpr double kHair = 1e-3; // map units: as far as the rows were opened for rounding
-    // `seen`: rows that know no limit of distance; null: all may shine everywhere. So it is, too, where a brush that seals stops no light.
+    // `seen`: rows that know no limit of distance; null: all may shine everywhere. So it is, too, where a brush that seals stops no light, and
+    // with what lies outside the box that the tree divides.
     LightSight(const World& world, const Surfaces& surfaces, const Bsp& bsp, const Visibility* seen, const TraceScene& scene, const std::vector<Light>& lights, const EmitterSet& emitters);
 
     // Within `reach` map units of the hull of some points. Below 0: what reaches over a border by less than that does not count.
     Clusters at(std::span<const Vec3> points, double reach) const;
     Clusters at(Vec3 x, double reach = kHair) const { return at(std::span(&x, 1), reach); }
     Clusters of_face(const Surfaces& surfaces, FaceId face) const;
-    // Of a rectangle of luxels on a face with a chart, seen from `off` map units in front of it.
-    Clusters on(const Surfaces& surfaces, FaceId face, Vec2 lo, Vec2 hi, double off) const;
+    // Of all luxels of a patch, which may lie on several faces, seen from `off` map units in front of them.
+    Clusters of_patch(const Surfaces& surfaces, const PatchTable& table, std::uint32_t patch, double off) const;
     // May its light come to these clusters? No is certain.
     bool light_may(std::uint32_t light, const Clusters& to) const { return may(lights_, light, to); }
     bool emitter_may(std::uint32_t emitter, const Clusters& to) const { return may(emitters_, emitter, to); }
@@ -49,8 +51,10 @@ private:
         }
     }
     Table table(std::span<const Clusters> from) const; // one entry a source
+    Clusters on(const Surfaces& surfaces, FaceId face, Vec2 lo, Vec2 hi, double off) const; // a rectangle of luxels
 
     const Bsp& bsp_;
+    Box3 box_; // beyond it the leaves at its rim have no portals
     const Visibility* seen_ = nullptr;
     Table lights_, emitters_;
 };

@@ -111,7 +111,9 @@ void Bake::smooth() {
     const std::size_t luxels = surfaces_.luxels.size();
     // Where nothing within reach was gathered anew, all is as it was. (Lists change only where patches are done again.)
     const std::vector<std::uint8_t> stirred = within_reach_of_new();
-    smoothed_.resize(luxels), left_.resize(luxels);
+    smoothed_.resize(luxels), left_.resize(luxels, 1);
+    for (std::size_t l = 0; l < luxels; ++l)
+        if (stirred[l]) left_[l] = 1;
     std::vector<std::uint32_t> at_texel(surfaces_.texel_count, UINT32_MAX);
     // What was left to the rays of a patch: light of an emitter with rays of its own is not in what they gathered.
     std::vector<std::uint64_t> left_to_rays;
@@ -215,7 +217,7 @@ void Bake::smooth() {
     };
     each_gathered([&](std::uint32_t l) {
         if (!stirred[l]) return;
-        smoothed_[l] = gathered_[l], left_[l] = 1;
+        smoothed_[l] = gathered_[l];
         if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l);
         else draw.template operator()<1>(l);
     });
