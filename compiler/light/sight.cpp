@@ -12,6 +12,26 @@ bool opaque(const World& world, const Surfaces& surfaces, const TraceScene& scen
     }
     return true;
 }
+
+Clusters sorted(Clusters clusters) {
+    std::ranges::sort(clusters);
+    clusters.erase(std::unique(clusters.begin(), clusters.end()), clusters.end());
+    return clusters;
+}
+
+// Those of several things; none as soon as nothing is known of one.
+class Together {
+public:
+    void add(const Clusters& some) {
+        known_ = known_ && !some.empty();
+        all_.insert(all_.end(), some.begin(), some.end());
+    }
+    Clusters clusters() { return known_ ? sorted(std::move(all_)) : Clusters{}; }
+
+private:
+    Clusters all_;
+    bool known_ = true;
+};
 } // namespace
 
 LightSight::LightSight(const World& world, const Surfaces& surfaces, const Bsp& bsp, const Visibility* seen, const TraceScene& scene, const std::vector<Light>& lights, const EmitterSet& emitters)
@@ -23,19 +43,12 @@ LightSight::LightSight(const World& world, const Surfaces& surfaces, const Bsp& 
         if (!leaf.bounds.empty()) box_.add(leaf.bounds);
     std::vector<Clusters> from;
     // Suns shine through faces of the sky, and in a world that is not sealed through anything.
-    Clusters sky;
-    bool anywhere = std::ranges::none_of(bsp.leaves, &BspLeaf::outside);
-    for (std::uint32_t f = 0; f < surfaces.faces.size(); ++f) {
-        if (!surfaces.faces[f].sky) continue;
-        const Clusters of = of_face(surfaces, {f});
-        anywhere = anywhere || of.empty();
-        sky.insert(sky.end(), of.begin(), of.end());
-    }
-    std::ranges::sort(sky);
-    sky.erase(std::unique(sky.begin(), sky.end()), sky.end());
-    anywhere = anywhere || sky.empty();
-    for (const Light& light : lights)
-        from.push_back(light.kind == LightKind::point || light.kind == LightKind::spot ? at(light.position) : anywhere ? Clusters{} : sky);
+    Together sky_faces;
+    if (std::ranges::any_of(bsp.leaves, &BspLeaf::outside))
+        for (std::uint32_t f = 0; f < surfaces.faces.size(); ++f)
+            if (surfaces.faces[f].sky) sky_faces.add(of_face(surfaces, {f}));
+    const Clusters sky = sky_faces.clusters();
+    for (const Light& light : lights) from.push_back(light.kind == LightKind::point || light.kind == LightKind::spot ? at(light.position) : sky);
     lights_ = table(from);
     from.clear();
     for (const Emitter& e : emitters.emitters) from.push_back(of_face(surfaces, e.face));
@@ -65,9 +78,7 @@ Clusters LightSight::at(std::span<const Vec3> points, double reach) const {
         if (!leaf.cluster.valid()) return {};
         out.push_back(leaf.cluster.value);
     }
-    std::ranges::sort(out);
-    out.erase(std::unique(out.begin(), out.end()), out.end());
-    return out;
+    return sorted(std::move(out));
 }
 
 Clusters LightSight::on(const Surfaces& surfaces, FaceId id, Vec2 lo, Vec2 hi, double off) const {
@@ -92,34 +103,25 @@ Clusters LightSight::of_patch(const Surfaces& surfaces, const PatchTable& table,
         if (part == parts.end()) part = parts.insert(part, OnFace{piece.face});
         for (const Vec2& q : points_of(surfaces, piece)) part->lo = {std::min(part->lo.x, q.x), std::min(part->lo.y, q.y)}, part->hi = {std::max(part->hi.x, q.x), std::max(part->hi.y, q.y)};
     }
-    Clusters out;
-    for (const OnFace& part : parts) {
-        const Clusters some = on(surfaces, part.face, part.lo, part.hi, off);
-        if (some.empty()) return {};
-        out.insert(out.end(), some.begin(), some.end());
-    }
-    std::ranges::sort(out);
-    out.erase(std::unique(out.begin(), out.end()), out.end());
-    return out;
+    Together all;
+    for (const OnFace& part : parts) all.add(on(surfaces, part.face, part.lo, part.hi, off));
+    return all.clusters();
 }
 
 Clusters LightSight::of_face(const Surfaces& surfaces, FaceId id) const {
     const Face& face = surfaces.faces[id.at()];
-    Clusters out;
     if (!face.curved() && !face.clusters.empty()) {
+        Clusters out;
         for (const ClusterId c : face.clusters) out.push_back(c.value);
         return out;
     }
+    Together all;
     for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t) {
         std::array<Vec3, 3> corner;
         for (std::size_t i = 0; i < 3; ++i) corner[i] = surfaces.positions[surfaces.triangles[t][i]];
-        const Clusters some = at(corner, kHair);
-        if (some.empty()) return {};
-        out.insert(out.end(), some.begin(), some.end());
+        all.add(at(corner, kHair));
     }
-    std::ranges::sort(out);
-    out.erase(std::unique(out.begin(), out.end()), out.end());
-    return out;
+    return all.clusters();
 }
 
 } // namespace kiln

@@ -133,14 +133,14 @@ TEST(LightSight, APatchOfSeveralFacesLiesInTheClustersOfAll) {
     for (std::size_t t = 0; t < with.flat.size(); ++t) ASSERT_NEAR(with.flat[t].x, without.flat[t].x, 0.05f * without.flat[t].x + 1e-3f) << t;
 }
 
-// A world that leaks, a lamp far above all brushes: it shines through the hole in the roof. And the void itself is lit.
+// A world that leaks, a lamp far above all brushes: the leaf that would hold it, were leaves without end, has no portals up there, and is seen from less.
 TEST(LightSight, ALampOutsideTheWorldOfBrushesMayShineAnywhere) {
     test::WorldBuilder w;
     for (const auto& [lo, hi] : {std::pair<Vec3, Vec3>{{-16, -16, -16}, {272, 272, 0}}, {{-16, -16, 0}, {0, 272, 128}}, {{256, -16, 0}, {272, 272, 128}}, {{0, -16, 0}, {256, 0, 128}}, {{0, 256, 0}, {256, 272, 128}},
-                                 {{-16, -16, 128}, {112, 272, 192}}, {{144, -16, 128}, {272, 272, 192}}, {{112, -16, 128}, {144, 112, 192}}, {{112, 144, 128}, {144, 272, 192}}, {{400, 0, -16}, {432, 256, 200}}})
+                                 {{-16, -16, 128}, {112, 272, 192}}, {{144, -16, 128}, {272, 272, 192}}, {{112, -16, 128}, {144, 112, 192}}, {{112, 144, 128}, {144, 272, 192}}, {{400, 0, -16}, {432, 256, 200}}, {{320, 100, -16}, {350, 150, 150}}})
         w.box(lo, hi);
     w.point_entity("info_player_start", {64, 64, 32});
-    w.point_entity("light", {128, 128, 1000}, {{"light", "3000"}, {"wait", "0.1"}});
+    w.point_entity("light", {390, 128, 1000}, {{"light", "3000"}, {"wait", "0.1"}});
     const Lit l(run(w.world));
     ASSERT_EQ(l.g.stage, "surfaces");
     ASSERT_TRUE(l.g.leak);
@@ -184,12 +184,12 @@ TEST(LightSight, WhereASealingBrushStopsNoLightNothingIsDark) {
     }
 }
 
-// In a map of many rooms all that differs is which lights, too faint to matter, are left out: `light_cutoff`, 0.5 % of what arrives.
+// In a map of several rooms all that differs is which lights, too faint to matter, are left out: `light_cutoff`, 0.5 % of what arrives.
 TEST(LightSight, TheLightIsTheSame) {
-    const auto l = of_map(std::string(KILN_SOURCE_DIR) + "/maps/hall/hall.vmf");
+    const auto l = of_map(std::string(KILN_SOURCE_DIR) + "/maps/glass/glass.vmf");
     ASSERT_TRUE(l);
     const Lighting with = baked(*l, &l->seen), without = baked(*l, nullptr);
-    EXPECT_LE(with.rays, without.rays);
+    EXPECT_LT(with.rays, without.rays); // something is dark, or this says nothing
     ASSERT_EQ(with.flat.size(), without.flat.size());
     double off = 0, all = 0;
     for (std::size_t t = 0; t < with.flat.size(); ++t)
