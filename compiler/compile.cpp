@@ -202,7 +202,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
     const auto begin = std::chrono::steady_clock::now();
     if (keeps)
         if (const auto bytes = run.store->load(place)) try {
-                progress = from_bytes<std::array<VisibilityProgress, 2>>(*bytes);
+                progress = from_bytes<std::array<VisibilityProgress, 2>>(bytes->bytes());
             } catch (const ArchiveError&) {
                 progress = {};
             }
@@ -241,19 +241,19 @@ constexpr std::uint32_t kLightVersion = 19, kAmbientVersion = 9, kDensityVersion
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
     if (const auto bytes = run.store->load(place)) try {
-            ByteReader r(*bytes);
+            ByteReader r(bytes->bytes());
             r(memo);
         } catch (const ArchiveError&) { // as good as absent
         }
     Result<T> made = make(&memo);
-    if (made && memo.changed()) (void)run.store->save(place, to_bytes(memo)); // not kept: the next run takes nothing over
+    if (made && memo.changed()) (void)run.store->save(place, to_bytes(memo), false); // not kept: the next run takes nothing over
     return made;
 }
 Result<Lighting> relight(Hash shape, Hash sight, const LightOptions& options, const Visibility* seen, const CompileRun& run, Context& context, const Compiled& out) {
     LightMemo memo;
     const auto rows_key = [&](Hash table) { return all(std::string("form factors"), kLightVersion, shape, table); };
     memo.load_rows = [&](Hash table) { return run.store->load(rows_key(table)); };
-    memo.save_rows = [&](Hash table, Bytes rows) { (void)run.store->save(rows_key(table), rows); };
+    memo.save_rows = [&](Hash table, Bytes rows) { (void)run.store->save(rows_key(table), rows, false); };
     return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, sight, options), memo, run,
                                [&](LightMemo* m) { return bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, m, seen); });
 }

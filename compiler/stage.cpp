@@ -5,12 +5,12 @@ namespace kiln {
 std::optional<StageRunner::Entry> StageRunner::fetch(Hash key, Hash places) {
     if (!run_.store || !run_.store->enabled()) return std::nullopt;
     bool damaged = false;
-    const std::optional<Bytes> bytes = run_.store->load(key, &damaged);
+    const std::optional<Buffer> bytes = run_.store->load(key, &damaged);
     if (damaged)
         context_.report(Severity::note, "cache-damaged", "a damaged cache entry was rebuilt", {.file = run_.store->path(key)});
     if (!bytes) return std::nullopt;
     try {
-        Entry entry = from_bytes<Entry>(*bytes);
+        Entry entry = from_bytes<Entry>(bytes->bytes());
         if (!entry.diagnostics.empty() && entry.places != places) return std::nullopt;
         return entry;
     } catch (const ArchiveError&) {

@@ -1,6 +1,7 @@
 // What an earlier bake of the same geometry came to, place by place, and what each place depended on. What would come out the same,
 // bit by bit, is taken over, the rest done anew; lights, emission and reflectance may differ.
 #pragma once
+#include "libs/core/file.h"
 #include "libs/core/hash.h"
 #include <functional>
 #include <mutex>
@@ -81,7 +82,7 @@ struct LightMemo {
     Memo lights, direct, gather, pilot; // of all tables of patches
     // Form-factor rows depend on geometry alone and are most of what a bake keeps: each table of patches lies in the store by itself,
     // under a hash of it. Where they are found and left; absent: they are traced.
-    std::function<std::optional<Bytes>(Hash table)> load_rows;
+    std::function<std::optional<Buffer>(Hash table)> load_rows;
     std::function<void(Hash table, Bytes rows)> save_rows;
     double taken_over() const; // share of what the last bake gathered, 0..1
     bool changed() const { return lights.changed() || direct.changed() || gather.changed() || pilot.changed(); }

@@ -35,10 +35,10 @@ void Bake::open_memo() {
 
 bool Bake::load_rows() {
     if (!memo_ || !memo_->load_rows) return false;
-    const std::optional<Bytes> bytes = memo_->load_rows(table_);
+    const std::optional<Buffer> bytes = memo_->load_rows(table_);
     if (!bytes) return false;
     try {
-        RowsMemo rows = from_bytes<RowsMemo>(*bytes);
+        RowsMemo rows = from_bytes<RowsMemo>(bytes->bytes());
         const std::size_t n = patches_.patches.size();
         if (rows.hits.size() != n * quality_.row_rays || rows.cells.size() != rows.hits.size() || rows.covered.size() != n) return false;
         hits_ = std::move(rows.hits), hit_cells_ = std::move(rows.cells), covered_ = std::move(rows.covered), pane_rays_ = std::move(rows.panes);

@@ -119,8 +119,14 @@ private:
         } else if constexpr (detail::is_vector<T>::value) {
             using E = typename T::value_type;
             if constexpr (detail::Raw<E> && !std::is_same_v<E, bool>) {
-                v.resize(length(sizeof(E)));
-                raw(v.data(), v.size() * sizeof(E));
+                const std::size_t n = length(sizeof(E));
+                if constexpr (std::is_same_v<E, std::uint8_t>) { // not cleared first: there may be much of it
+                    v.assign(left_.begin(), left_.begin() + static_cast<std::ptrdiff_t>(n));
+                    left_ = left_.subspan(n);
+                } else {
+                    v.resize(n);
+                    raw(v.data(), n * sizeof(E));
+                }
             } else {
                 v.clear();
                 v.resize(length(1));

@@ -33,25 +33,39 @@ Fault io_fault(Exit exit, const char* code, const std::string& path, const std::
 
 } // namespace
 
-Result<Bytes> read_file(const std::string& path) {
+Result<Buffer> read_buffer(const std::string& path) {
     Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
     if (file.get() < 0) return io_fault(Exit::input, "cannot-read", path, "cannot be opened");
     struct stat info {};
     if (::fstat(file.get(), &info) == 0 && S_ISDIR(info.st_mode))
         return fault(Exit::input, "cannot-read", "is a directory", {.file = path});
-    Bytes bytes;
-    if (info.st_size > 0) bytes.reserve(static_cast<std::size_t>(info.st_size));
-    std::uint8_t block[65536];
+    // What the file says of its size may be nothing (pipes) or have changed since: one more than that, to see its end.
+    constexpr std::size_t kLeast = 65536;
+    Buffer room(info.st_size > 0 ? static_cast<std::size_t>(info.st_size) + 1 : kLeast);
+    std::size_t size = 0;
     for (;;) {
-        const ssize_t got = ::read(file.get(), block, sizeof block);
+        if (size == room.bytes().size()) {
+            Buffer larger(2 * size);
+            std::ranges::copy(room.bytes(), larger.bytes().begin());
+            room = std::move(larger);
+        }
+        const ssize_t got = ::read(file.get(), room.bytes().data() + size, room.bytes().size() - size);
         if (got < 0 && errno == EINTR) continue;
         if (got < 0) return io_fault(Exit::input, "cannot-read", path, "cannot be read");
-        if (got == 0) return bytes;
-        bytes.insert(bytes.end(), block, block + got);
+        if (got == 0) break;
+        size += static_cast<std::size_t>(got);
     }
+    room.keep(0, size);
+    return room;
 }
 
-Result<bool> write_file(const std::string& path, std::span<const std::uint8_t> bytes) {
+Result<Bytes> read_file(const std::string& path) {
+    const Result<Buffer> read = read_buffer(path);
+    if (!read) return read.fault();
+    return Bytes(read->bytes().begin(), read->bytes().end());
+}
+
+Result<bool> write_file(const std::string& path, std::initializer_list<std::span<const std::uint8_t>> parts, bool sync) {
     // A device or pipe (/dev/stdout, /dev/full) cannot be renamed onto; everything else is replaced whole.
     std::error_code ignored;
     const auto kind = std::filesystem::status(path, ignored).type();
@@ -65,16 +79,21 @@ Result<bool> write_file(const std::string& path, std::span<const std::uint8_t> b
         if (!direct) ::unlink(temporary.c_str());
         return f;
     };
-    while (!bytes.empty()) {
-        const ssize_t put = ::write(file.get(), bytes.data(), bytes.size());
-        if (put < 0 && errno == EINTR) continue;
-        if (put < 0) return failed("cannot be written");
-        bytes = bytes.subspan(static_cast<std::size_t>(put));
-    }
-    if (!direct && ::fsync(file.get()) != 0) return failed("cannot be synced");
+    for (std::span<const std::uint8_t> bytes : parts)
+        while (!bytes.empty()) {
+            const ssize_t put = ::write(file.get(), bytes.data(), bytes.size());
+            if (put < 0 && errno == EINTR) continue;
+            if (put < 0) return failed("cannot be written");
+            bytes = bytes.subspan(static_cast<std::size_t>(put));
+        }
+    if (sync && !direct && ::fsync(file.get()) != 0) return failed("cannot be synced");
     if (file.close() != 0) return failed("cannot be closed");
     if (!direct && ::rename(temporary.c_str(), path.c_str()) != 0) return failed("cannot be renamed into place");
     return true;
+}
+
+Result<bool> write_file(const std::string& path, std::span<const std::uint8_t> bytes) {
+    return write_file(path, {bytes}, true);
 }
 
 Result<bool> write_file(const std::string& path, const std::string& text) {

@@ -2,13 +2,34 @@
 #pragma once
 #include "libs/core/archive.h"
 #include "libs/core/result.h"
+#include <algorithm>
+#include <initializer_list>
+#include <memory>
 #include <span>
 #include <string>
 
 namespace kiln {
 
-Result<Bytes> read_file(const std::string& path);               // Exit::input where it cannot be read
+// Bytes of a size known beforehand, not cleared first.
+class Buffer {
+public:
+    Buffer() = default;
+    explicit Buffer(std::size_t size) : data_(std::make_unique_for_overwrite<std::uint8_t[]>(size)), size_(size) {}
+    explicit Buffer(std::span<const std::uint8_t> copied) : Buffer(copied.size()) { std::ranges::copy(copied, data_.get()); }
+    std::span<std::uint8_t> bytes() { return {data_.get() + from_, size_}; }
+    std::span<const std::uint8_t> bytes() const { return {data_.get() + from_, size_}; }
+    void keep(std::size_t from, std::size_t size) { from_ += from, size_ = size; } // of the bytes these
+
+private:
+    std::unique_ptr<std::uint8_t[]> data_;
+    std::size_t from_ = 0, size_ = 0;
+};
+
+Result<Buffer> read_buffer(const std::string& path);            // Exit::input where it cannot be read
+Result<Bytes> read_file(const std::string& path);               // likewise
 Result<bool> write_file(const std::string& path, std::span<const std::uint8_t> bytes); // Exit::io
 Result<bool> write_file(const std::string& path, const std::string& text);
+// One after the other. `sync`: false where losing the file to a power cut does no harm.
+Result<bool> write_file(const std::string& path, std::initializer_list<std::span<const std::uint8_t>> parts, bool sync = true);
 
 } // namespace kiln

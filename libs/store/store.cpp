@@ -1,20 +1,20 @@
 #include "libs/store/store.h"
-#include "libs/core/file.h"
 #include <cstring>
 #include <filesystem>
-#include <memory>
+#include <utility>
 #include <zstd.h>
 
 namespace kiln {
 namespace {
 
 struct Header {
-    char magic[8] = {'K', 'I', 'L', 'N', 'S', 'T', 'O', '1'};
+    char magic[8] = {'K', 'I', 'L', 'N', 'S', 'T', 'O', '2'};
     std::uint64_t size = 0; // uncompressed
+    std::uint64_t compressed = 0; // 1: a zstd frame follows; 0: the bytes
     Hash key, content;      // content: of the uncompressed bytes
 };
-static_assert(sizeof(Header) == 48);
-constexpr int kLevel = 1; // entries are read back soon: speed over size
+static_assert(sizeof(Header) == 56);
+constexpr int kLevel = 1; // read back soon: speed over size
 
 } // namespace
 
@@ -23,44 +23,52 @@ std::string ContentStore::path(Hash key) const {
     return folder_ + "/" + hex.substr(0, 2) + "/" + hex;
 }
 
-std::optional<Bytes> ContentStore::load(Hash key, bool* damaged) const {
+std::optional<Buffer> ContentStore::load(Hash key, bool* damaged) const {
     if (!enabled()) return std::nullopt;
     const std::string file = path(key);
     std::error_code error;
     if (!std::filesystem::is_regular_file(file, error)) return std::nullopt;
-    const auto bad = [&]() -> std::optional<Bytes> {
+    const auto bad = [&]() -> std::optional<Buffer> {
         if (damaged) *damaged = true;
         return std::nullopt;
     };
-    const Result<Bytes> stored = read_file(file);
-    if (!stored || stored->size() < sizeof(Header)) return bad();
+    Result<Buffer> stored = read_buffer(file);
+    if (!stored || stored->bytes().size() < sizeof(Header)) return bad();
     Header header, expected;
-    std::memcpy(&header, stored->data(), sizeof header);
+    std::memcpy(&header, stored->bytes().data(), sizeof header);
     if (std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0 || header.key != key) return bad();
-    const std::uint8_t* packed = stored->data() + sizeof header;
-    const std::size_t packed_size = stored->size() - sizeof header;
+    const std::span<const std::uint8_t> packed = std::as_const(*stored).bytes().subspan(sizeof header);
+    if (!header.compressed) {
+        if (packed.size() != header.size || hash_bytes(packed) != header.content) return bad();
+        stored->keep(sizeof header, header.size);
+        return *std::move(stored);
+    }
     // The frame's own idea of its size is checked before anything is allocated by it.
-    if (ZSTD_getFrameContentSize(packed, packed_size) != header.size) return bad();
-    Bytes bytes(header.size);
-    if (ZSTD_decompress(bytes.data(), bytes.size(), packed, packed_size) != header.size) return bad();
-    if (hash_bytes(bytes) != header.content) return bad();
+    if (ZSTD_getFrameContentSize(packed.data(), packed.size()) != header.size) return bad();
+    Buffer bytes(header.size);
+    if (ZSTD_decompress(bytes.bytes().data(), header.size, packed.data(), packed.size()) != header.size) return bad();
+    if (hash_bytes(bytes.bytes()) != header.content) return bad();
     return bytes;
 }
 
-bool ContentStore::save(Hash key, std::span<const std::uint8_t> bytes) const {
+bool ContentStore::save(Hash key, std::span<const std::uint8_t> bytes, bool compressed) const {
     if (!enabled()) return true;
     Header header;
     header.size = bytes.size();
+    header.compressed = compressed;
     header.key = key;
     header.content = hash_bytes(bytes);
-    const std::size_t room = ZSTD_compressBound(bytes.size());
-    const auto out = std::make_unique_for_overwrite<std::uint8_t[]>(sizeof header + room); // clearing it would touch it all
-    std::memcpy(out.get(), &header, sizeof header);
-    const std::size_t packed = ZSTD_compress(out.get() + sizeof header, room, bytes.data(), bytes.size(), kLevel);
-    if (ZSTD_isError(packed)) return false;
+    Buffer packed;
+    if (compressed) {
+        packed = Buffer(ZSTD_compressBound(bytes.size()));
+        const std::size_t size = ZSTD_compress(packed.bytes().data(), packed.bytes().size(), bytes.data(), bytes.size(), kLevel);
+        if (ZSTD_isError(size)) return false;
+        packed.keep(0, size), bytes = packed.bytes();
+    }
     std::error_code error;
     std::filesystem::create_directories(std::filesystem::path(path(key)).parent_path(), error);
-    return static_cast<bool>(write_file(path(key), std::span(out.get(), sizeof header + packed)));
+    const std::span<const std::uint8_t> head(reinterpret_cast<const std::uint8_t*>(&header), sizeof header);
+    return static_cast<bool>(write_file(path(key), {head, bytes}, false)); // torn by a power cut it is a miss, by its hash
 }
 
 } // namespace kiln

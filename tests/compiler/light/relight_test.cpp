@@ -26,9 +26,9 @@ LightMemo stored(const LightMemo& memo) {
 LightMemo empty_memo() {
     const auto store = std::make_shared<std::map<Hash, Bytes>>();
     LightMemo memo;
-    memo.load_rows = [store](Hash table) -> std::optional<Bytes> {
+    memo.load_rows = [store](Hash table) -> std::optional<Buffer> {
         const auto at = store->find(table);
-        return at == store->end() ? std::nullopt : std::optional(at->second);
+        return at == store->end() ? std::nullopt : std::optional(Buffer(at->second));
     };
     memo.save_rows = [store](Hash table, Bytes rows) { store->emplace(table, std::move(rows)); };
     return memo;

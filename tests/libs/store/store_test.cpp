@@ -20,6 +20,11 @@ const Bytes kValue = [] {
     return b;
 }();
 
+std::optional<Bytes> held(const ContentStore& store, Hash key, bool* damaged = nullptr) {
+    const std::optional<Buffer> read = store.load(key, damaged);
+    return read ? std::optional(Bytes(read->bytes().begin(), read->bytes().end())) : std::nullopt;
+}
+
 } // namespace
 
 TEST(Store, GivesBackWhatWasSaved) {
@@ -27,10 +32,13 @@ TEST(Store, GivesBackWhatWasSaved) {
     const ContentStore store(folder.path);
     const Hash key{1, 2};
     EXPECT_FALSE(store.load(key).has_value());
-    ASSERT_TRUE(store.save(key, kValue));
-    EXPECT_EQ(store.load(key), kValue);
-    ASSERT_TRUE(store.save(key, Bytes{}));
-    EXPECT_EQ(store.load(key), Bytes{});
+    for (const bool compressed : {true, false}) {
+        ASSERT_TRUE(store.save(key, kValue, compressed));
+        EXPECT_EQ(held(store, key), kValue);
+        EXPECT_EQ(std::filesystem::file_size(store.path(key)) < kValue.size(), compressed);
+        ASSERT_TRUE(store.save(key, Bytes{}, compressed));
+        EXPECT_EQ(held(store, key), Bytes{});
+    }
 }
 
 // A store may lose entries; it may never answer with anything but what was saved.
@@ -38,20 +46,22 @@ TEST(Store, EveryDamagedEntryIsAMiss) {
     const Folder folder;
     const ContentStore store(folder.path);
     const Hash key{3, 4};
-    ASSERT_TRUE(store.save(key, kValue));
-    const Bytes good = *read_file(store.path(key));
-    for (std::size_t cut = 0; cut < good.size(); cut += 61) {
-        ASSERT_TRUE(write_file(store.path(key), std::span(good).first(cut)));
-        bool damaged = false;
-        EXPECT_FALSE(store.load(key, &damaged).has_value()) << "cut at " << cut;
-        EXPECT_TRUE(damaged);
-    }
-    for (std::size_t at = 0; at < good.size(); at += 13) {
-        Bytes bad = good;
-        bad[at] ^= 0x10;
-        ASSERT_TRUE(write_file(store.path(key), bad));
-        const auto read = store.load(key);
-        EXPECT_TRUE(!read || *read == kValue) << "flipped at " << at;
+    for (const bool compressed : {true, false}) {
+        ASSERT_TRUE(store.save(key, kValue, compressed));
+        const Bytes good = *read_file(store.path(key));
+        for (std::size_t cut = 0; cut < good.size(); cut += 61) {
+            ASSERT_TRUE(write_file(store.path(key), std::span(good).first(cut)));
+            bool damaged = false;
+            EXPECT_FALSE(store.load(key, &damaged).has_value()) << "cut at " << cut;
+            EXPECT_TRUE(damaged);
+        }
+        for (std::size_t at = 0; at < good.size(); at += 13) {
+            Bytes bad = good;
+            bad[at] ^= 0x10;
+            ASSERT_TRUE(write_file(store.path(key), bad));
+            const auto read = held(store, key);
+            EXPECT_TRUE(!read || *read == kValue) << "flipped at " << at;
+        }
     }
 }
 
