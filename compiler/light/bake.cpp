@@ -12,8 +12,9 @@ constexpr int kPatchRefinements = 3;
 constexpr double kPatchShare = 0.6;                        // of the target, for patches; the noise has as much
 constexpr double kDirectShare = 0.35;                      // for the noise of direct light
 constexpr double kSteep = 5;                               // targets by which direct light of luxels side by side may differ
-constexpr double kRestStep = 0.125;                        // of the target: to what share of itself indirect light is rounded
+constexpr double kReadStep = 0.5;                          // of the target: to what share of itself light is rounded where rays read it
 constexpr double kFarPatches = 3;                          // sizes of a patch from which on light close by is not followed further
+constexpr std::uint64_t kRounding = 7;                     // pass of seed_at
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
 Quality Quality::of(const LightOptions& options) {
@@ -160,7 +161,7 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
     constexpr double inv_pi = 1 / std::numbers::pi;
     out.patch.resize(patches_.patches.size());
     for (std::size_t p = 0; p < out.patch.size(); ++p)
-        out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * total[p] * inv_pi);
+        out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * rounded(total[p], Random(seed_at(patches_.patches[p].centroid, kRounding))()) * inv_pi);
     out.texel.resize(surfaces_.texel_count);
     out.direct.resize(surfaces_.texel_count);
     std::vector<std::uint8_t> lit(surfaces_.texel_count);
@@ -170,8 +171,8 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
         if (p == kNoPatch) continue;
         const std::size_t texel = texel_of(surfaces_, luxel);
         const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
-        out.direct[texel] = static_cast<Rgb>(rho * direct_[l].flat);
-        out.texel[texel] = static_cast<Rgb>(rho * (direct_[l].flat + rest_of_luxel[l]));
+        out.direct[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat, luxel_rounding_[l]));
+        out.texel[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat + rest_of_luxel[l], luxel_rounding_[l]));
         lit[texel] = 1;
     }
     // In a corner a luxel gets up to half of its light from the next one on the other wall, most of it from that one's rim.
@@ -230,8 +231,8 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
         }
         sum[parent[p]] += met * patches_.patches[p].area, weight[parent[p]] += count * patches_.patches[p].area;
     }
-    for (std::size_t c = 0; c < sum.size(); ++c) sum[c] = weight[c] > 0 ? sum[c] / weight[c] : Rgbd{-1, -1, -1};
-    quantise(&sum, table);
+    for (std::size_t c = 0; c < sum.size(); ++c)
+        sum[c] = weight[c] > 0 ? rounded(sum[c] / weight[c], Random(seed_at(table.patches[c].centroid, kRounding))()) : Rgbd{-1, -1, -1};
     light->far.resize(n);
     for (std::size_t p = 0; p < n; ++p) light->far[p] = static_cast<Rgb>(sum[parent[p]]);
 }
@@ -265,7 +266,6 @@ ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& dir
     const std::vector<Rgbd> solved = solve(merged, coarse_first, coarse_rho, &iterations, &residual);
     std::vector<Rgbd> coarse_rest(m), rest(n), total(n);
     for (std::size_t c = 0; c < m; ++c) coarse_rest[c] = solved[c] - coarse_direct[c];
-    quantise(&coarse_rest, coarse);
     for (std::size_t p = 0; p < n; ++p) rest[p] = coarse_rest[parent[p]], total[p] = coarse_direct[parent[p]] + rest[p];
     std::vector<std::uint32_t> luxel_parent(luxel_patch_);
     for (std::uint32_t& p : luxel_parent)
@@ -324,19 +324,14 @@ void Bake::make_patches() {
     rays_.assign(n, quality_.first_rays);
 }
 
-// A lamp changed in one room changes the last digits of the light of every other. Rounded, up or down by the place, so that means do not
-// change, light is mostly the same where nothing much happened, and what was gathered of it can be taken over.
-void Bake::quantise(std::vector<Rgbd>* rest, const PatchTable& of) const {
-    const double share = std::exp2(std::floor(std::log2(kRestStep * options_.error_percent / 100)));
-    for (std::size_t p = 0; p < rest->size(); ++p) {
-        const std::uint64_t place = seed_at(of.patches[p].centroid, 7);
-        for (std::size_t c = 0; c < 3; ++c) {
-            double& x = (*rest)[p][c];
-            if (!(x > 0)) continue;
-            const double step = std::exp2(std::floor(std::log2(std::max(x, floor_)))) * share;
-            x = std::floor(x / step + static_cast<double>(mix(place, c) >> 11) * 0x1p-53) * step;
-        }
-    }
+// A lamp changed in one room changes the last digits of the light of every other. What rays read is rounded, up or down by the place, so that means do not
+// change: it is mostly the same where nothing much happened, and what was gathered of it can be taken over.
+Rgbd Bake::rounded(Rgbd light, double up) const {
+    const double scale = std::max(mean(light), floor_);
+    if (!(scale > 0)) return light;
+    const double step = std::exp2(std::floor(std::log2(scale)) + std::floor(std::log2(kReadStep * options_.error_percent / 100)));
+    for (std::size_t c = 0; c < 3; ++c) light[c] = std::floor(light[c] / step + up) * step;
+    return light;
 }
 
 // All bounces from the direct light of the luxels: total irradiance of the patches.
@@ -355,8 +350,6 @@ std::vector<Rgbd> Bake::solve_patches() {
     floor_ = area > 0 ? error_floor(options_.error_floor, sum / area) : 0;
     rest_.resize(n);
     for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
-    quantise(&rest_, patches_);
-    for (std::size_t p = 0; p < n; ++p) total[p] = direct[p] + rest_[p];
     reflected_ = reflected_light(values_at_luxels(surfaces_, edges_, patches_, luxel_patch_, rest_), total);
     std::vector<std::uint32_t> self(n);
     std::iota(self.begin(), self.end(), 0u);
@@ -389,6 +382,7 @@ Lighting Bake::run() {
     out_.rnm.resize(rnm);
 
     edges_ = piece_adjacency(surfaces_);
+    for (const Luxel& l : surfaces_.luxels) luxel_rounding_.push_back(Random(seed_at(luxel_centroid(l), kRounding))());
     make_patches();
     std::vector<Rgbd> total = solve_patches();
     const double target = options_.error_percent / 100;

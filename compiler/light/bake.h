@@ -167,7 +167,7 @@ private:
     };
     void make_patches();
     std::vector<Rgbd> solve_patches();
-    void quantise(std::vector<Rgbd>* rest, const PatchTable& of) const;
+    Rgbd rounded(Rgbd light, double up) const; // up: from which remainder on, 0 all to 1 none
     // relight.cpp
     void open_memo();
     bool load_rows();
@@ -301,6 +301,7 @@ private:
     std::vector<std::vector<float>> brought_;  // per patch and light of its list: mean irradiance of its luxels
     std::vector<std::uint32_t> luxel_patch_;   // per luxel: the patch of most of its footprint
     std::vector<std::uint32_t> patch_luxel_first_, patch_luxels_; // luxels by that patch
+    std::vector<double> luxel_rounding_;                          // per luxel: see rounded()
     std::vector<KernelSum> direct_;                               // per luxel
     std::vector<float> direct_variance_;                          // per luxel: of its mean, as the spread between places has it
     std::vector<std::uint16_t> effort_;                           // per patch: times the samples of its lights
