@@ -165,6 +165,12 @@ private:
         std::vector<std::uint32_t> filtered_patch;
         std::vector<Rgb> filtered_weight;
     };
+    // body(patch, factor): a number, or a colour through panes.
+    static void for_row(const Rows& rows, std::size_t p, const auto& body) {
+        for (std::uint64_t k = rows.first[p]; k < rows.first[p + 1]; ++k) body(rows.patch[k], static_cast<double>(rows.weight[k]));
+        if (rows.filtered_first.empty()) return;
+        for (std::uint64_t k = rows.filtered_first[p]; k < rows.filtered_first[p + 1]; ++k) body(rows.filtered_patch[k], static_cast<Rgbd>(rows.filtered_weight[k]));
+    }
     void make_patches();
     std::vector<Rgbd> solve_patches();
     Rgbd rounded(Rgbd light, double up) const; // up: from which remainder on, 0 all to 1 none

@@ -4,16 +4,29 @@
 //          variances: F. A. Graybill and C.-M. Wang, "Confidence intervals on nonnegative linear combinations of variances",
 //          J. American Statistical Association 75 (1980). What is measured, and what is not seen by it: NOTES.md
 #include "compiler/light/bake.h"
-#include "compiler/light/jacobi.h"
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
 #include <numbers>
+#include <numeric>
 
 namespace kiln {
 namespace {
 
 constexpr double kOneSided = 1.6449; // quantile of the normal distribution: 95 %
 constexpr std::uint32_t kQuarters = 4;
+constexpr std::size_t kWays = kQuarters - 1;
+struct Leaves { // what two quarters say against two, in each of the three ways there are: as noisy as the mean of all four
+    std::array<Rgbd, kWays> way{};
+    Leaves& operator+=(const Leaves& o) {
+        for (std::size_t k = 0; k < kWays; ++k) way[k] += o.way[k];
+        return *this;
+    }
+    template <class By> Leaves operator*(By by) const { // a number or a colour
+        Leaves out = *this;
+        for (Rgbd& w : out.way) w = w * by;
+        return out;
+    }
+};
 // The difference between patches of h and 2 h is 2^order - 1 times the error that those of h make. Where light is smooth the order is 2, where it jumps 1; between
 // 2 h and 4 h it was found to grow 2 to 4 times: the estimate goes by 2, the upper bound by 1.
 constexpr double kOrderTwo = 3, kOrderOne = 1; // 2^order - 1
@@ -245,73 +258,76 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
     return out;
 }
 
+// By quarters of the rays of each row. A solution by one differs from the whole by what its rays tell of the light as it is, carried on over all bounces; that
+// it would carry on by its own rows is second order.
 double Bake::solution_noise() const {
+    constexpr int kSweeps = 8; // noise averages out from bounce to bounce
     const std::uint32_t m = quality_.row_rays, part = m / kQuarters;
     const std::size_t n = patches_.patches.size();
     const Rgbd sky = sky_radiance(lights_);
-    std::vector<Rgbd> rho;
-    for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
-    const auto row_ray = [&](std::uint64_t ray, const auto& meets, const auto& through_panes) {
+    const auto row_ray = [&](std::uint64_t ray, const auto& meets) { // meets(patch, what of its light arrives)
         const std::uint32_t hit = hits_[ray];
-        if (is_patch(hit)) meets(hit);
+        if (is_patch(hit)) meets(hit, 1.0);
         if (hit != kHitPanes) return;
         for (const PaneRays::Met& met : pane_rays_.of(ray))
-            if (is_patch(met.code)) through_panes(met.code, static_cast<Rgbd>(met.reflected));
+            if (is_patch(met.code)) meets(met.code, static_cast<Rgbd>(met.reflected));
     };
-    // The solution by each quarter of the rays. Quarters of a sequence scatter somewhat more than four times the whole does.
-    std::array<std::vector<Rgbd>, kQuarters> total;
-    for (std::uint32_t q = 0; q < kQuarters; ++q) {
-        std::vector<Rgbd> first(n);
-        for (std::uint32_t p = 0; p < n; ++p) {
-            Rgbd emitted;
-            for (std::uint32_t i = q * part; i < (q + 1) * part; ++i) {
-                const std::uint32_t hit = hits_[std::size_t{p} * m + i];
-                const std::uint32_t emitter = emitter_of(hit);
+    std::vector<Rgbd> rho, reflected;
+    for (std::size_t p = 0; p < n; ++p) rho.push_back(static_cast<Rgbd>(patches_.patches[p].reflectance)), reflected.push_back(rho[p] * (rest_[p] + solved_direct_[p]));
+    constexpr std::size_t kChunk = 256;
+    const std::size_t chunks = (n + kChunk - 1) / kChunk;
+    const auto each_patch = [&](const auto& body) {
+        parallel_for(context_, chunks, [&](std::size_t chunk) {
+            for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) body(static_cast<std::uint32_t>(p), chunk);
+        });
+    };
+    std::vector<Leaves> told(n), sum(n), next(n);
+    each_patch([&](std::uint32_t p, std::size_t) {
+        for (std::uint32_t q = 0; q < kQuarters; ++q) {
+            Rgbd emitted, met;
+            for (std::uint64_t ray = std::uint64_t{p} * m + q * part; ray < std::uint64_t{p} * m + (q + 1) * part; ++ray) {
+                const std::uint32_t hit = hits_[ray], emitter = emitter_of(hit);
                 if (hit == kHitEscaped) emitted += sky;
-                else if (hit == kHitPanes) emitted += emission_through_panes(std::uint64_t{p} * m + i, p, true);
+                else if (hit == kHitPanes) emitted += emission_through_panes(ray, p, true);
                 else if (emitter != UINT32_MAX && !listed(p, emitter)) emitted += emitters_.emitters[emitter].radiance;
+                row_ray(ray, [&](std::uint32_t patch, auto arrives) { met += reflected[patch] * arrives; });
             }
-            first[p] = solved_direct_[p] + emitted * (std::numbers::pi / part);
+            const Rgbd arriving = (emitted * std::numbers::pi + met) / part;
+            for (std::uint32_t k = 0; k < kWays; ++k) told[p].way[k] += arriving * (q == 0 || q == k + 1 ? 0.25 : -0.25);
         }
-        total[q] = solve_bounces(first, rho, 0.01, context_, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
-                       Rgbd row;
-                       for (std::uint32_t i = q * part; i < (q + 1) * part; ++i)
-                           row_ray(p * m + i, [&](std::uint32_t hit) { row += b[hit]; }, [&](std::uint32_t hit, Rgbd arrives) { row += arrives * b[hit]; });
-                       sum += row * (1.0 / part);
-                   }).irradiance;
+    });
+    sum = told;
+    for (int sweep = 0; sweep < kSweeps; ++sweep) {
+        for (std::size_t p = 0; p < n; ++p) sum[p] = sum[p] * rho[p];
+        each_patch([&](std::uint32_t p, std::size_t) {
+            next[p] = told[p];
+            for_row(rows_, p, [&](std::uint32_t patch, auto factor) { next[p] += sum[patch] * factor; });
+        });
+        std::swap(sum, next);
     }
+    for (std::size_t p = 0; p < n; ++p) sum[p] = sum[p] * rho[p];
     // What such a difference is in gathered light. By both halves of a row: their product has no share of the row's own noise.
-    std::array<std::vector<Rgbd>, kQuarters - 1> leaves;
     Rgbd level;
-    double area = 0, sum = 0;
-    for (std::size_t k = 0; k < leaves.size(); ++k) {
-        leaves[k].resize(n);
-        // Two against two, in each of the three ways there are: as noisy as the mean of all four.
-        for (std::size_t p = 0; p < n; ++p)
-            for (std::size_t q = 0; q < kQuarters; ++q) leaves[k][p] += total[q][p] * (q == 0 || q == k + 1 ? 0.25 : -0.25);
-    }
+    double area = 0;
     for (std::uint32_t p = 0; p < n; ++p) {
         const double a = luxel_area_of(p);
         level += (rest_[p] + solved_direct_[p]) * a, area += a;
     }
     if (!(area > 0)) return 0;
     level = level / area;
-    for (std::uint32_t p = 0; p < n; ++p) {
+    std::vector<double> noise(chunks);
+    each_patch([&](std::uint32_t p, std::size_t chunk) {
         const double a = luxel_area_of(p);
-        if (!(a > 0) || covered_[p]) continue;
+        if (!(a > 0) || covered_[p]) return;
+        std::array<Leaves, 2> half;
+        for (std::uint32_t i = 0; i < m; ++i) row_ray(std::uint64_t{p} * m + i, [&](std::uint32_t patch, auto arrives) { half[i * 2 / m] += sum[patch] * arrives; });
         const Rgbd now = rest_[p] + solved_direct_[p];
-        for (const std::vector<Rgbd>& leaf : leaves) {
-            std::array<Rgbd, 2> half;
-            for (std::uint32_t i = 0; i < m; ++i)
-                row_ray(std::uint64_t{p} * m + i, [&](std::uint32_t hit) { half[i * 2 / m] += rho[hit] * leaf[hit] * (2.0 / m); },
-                        [&](std::uint32_t hit, Rgbd arrives) { half[i * 2 / m] += arrives * rho[hit] * leaf[hit] * (2.0 / m); });
-            for (std::size_t c = 0; c < 3; ++c) {
-                const double scale = std::max(now[c], options_.error_floor * level[c]);
-                if (scale > 0) sum += a * half[0][c] * half[1][c] / (scale * scale) / (3.0 * leaves.size());
-            }
+        for (std::size_t c = 0; c < 3; ++c) {
+            const double scale = std::max(now[c], options_.error_floor * level[c]) * m / 2;
+            for (std::size_t k = 0; k < kWays && scale > 0; ++k) noise[chunk] += a * half[0].way[k][c] * half[1].way[k][c] / (scale * scale) / (3.0 * kWays);
         }
-    }
-    return std::sqrt(std::max(0.0, sum / area));
+    });
+    return std::sqrt(std::max(0.0, std::accumulate(noise.begin(), noise.end(), 0.0) / area));
 }
 
 ErrorReport Bake::error_report(const PilotResult& check, double solution) const {

@@ -167,9 +167,7 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
 std::vector<Rgbd> Bake::solve(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho,
                               std::uint32_t* iterations, double* residual) {
     Bounces solved = solve_bounces(direct, rho, quality_.iteration, context_, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
-        for (std::uint64_t k = rows.first[p]; k < rows.first[p + 1]; ++k) sum += b[rows.patch[k]] * static_cast<double>(rows.weight[k]);
-        if (rows.filtered_first.empty()) return;
-        for (std::uint64_t k = rows.filtered_first[p]; k < rows.filtered_first[p + 1]; ++k) sum += b[rows.filtered_patch[k]] * static_cast<Rgbd>(rows.filtered_weight[k]);
+        for_row(rows, p, [&](std::uint32_t patch, auto factor) { sum += b[patch] * factor; });
     });
     *iterations = solved.sweeps, *residual = solved.residual;
     return std::move(solved.irradiance);
