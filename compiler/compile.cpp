@@ -236,7 +236,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 19, kAmbientVersion = 9, kDensityVersion = 8;
+constexpr std::uint32_t kLightVersion = 20, kAmbientVersion = 9, kDensityVersion = 8;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);

@@ -411,7 +411,7 @@ Lighting Bake::run() {
     // A first pass shows where the noise is; the noise share of the target says how many rays it is worth. What the
     // bundles met by surprise (a lamp seen through a slit) gets its own rays, there and next to it.
     noise_.assign(n, 0), noise_weight_.assign(n, 0);
-    new_.assign(n, 0);
+    new_.assign(n, 0), gathered_hash_.assign(n, 0);
     gathered_.assign(luxels, {}), gathered_variance_.assign(luxels, {}), gathered_there_.assign(luxels, 0);
     std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
     luxel_direct(again);
@@ -449,7 +449,7 @@ Lighting Bake::run() {
         wanted *= std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
         check = gather();
     }
-    if (memo_) memo_->lights.end(), memo_->direct.end(), memo_->gather.end(), memo_->pilot.end();
+    if (memo_) memo_->lights.end(), memo_->direct.end(), memo_->gather.end(), memo_->smooth.end(), memo_->pilot.end();
     store_luxels();
     fill();
     match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);

@@ -243,6 +243,7 @@ private:
     // smooth.cpp
     void smooth();
     std::vector<std::uint8_t> within_reach_of_new();
+    std::uint64_t smooth_key(std::uint32_t patch, std::span<const std::uint32_t> at_texel, std::span<const std::uint64_t> left_to_rays) const;
     void each_gathered(const std::function<void(std::uint32_t)>& body);
     KernelSum light_of(std::uint32_t luxel) const; // all of it, as it is baked
     void store_luxels();
@@ -334,6 +335,7 @@ private:
     std::uint64_t geometry_ = 0, base_ = 0, pilots_ = 0;                // base_: with the sky
     std::vector<std::uint64_t> light_ids_;                              // per entity: of all that makes its light
     std::vector<std::uint64_t> reflects_, reflects_coarse_, guides_;    // per patch, from the last solution
+    std::vector<std::uint64_t> gathered_hash_;                          // per patch: of what its luxels gathered
     std::vector<std::uint64_t> emitters_hash_;                          // of the emitters in its list
     // Of what rays may read there, kLookedAt times all patches: what it reflects; which emitters are in its list; its list. Then what
     // each emitter sends.

@@ -408,6 +408,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 if (memo_) memo_->gather.keep(key, states_, looked.parts(), to_bytes(gathered));
             }
             double variance = 0;
+            if (memo_) gathered_hash_[p] = hash_of(gathered.luxels).low;
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
                 const StoredGather& g = gathered.luxels[k - patch_luxel_first_[p]];

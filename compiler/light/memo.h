@@ -79,14 +79,14 @@ private:
 
 // Kept for one geometry: surfaces, and what blocks light or lets it through. Another needs another memo, and other rows.
 struct LightMemo {
-    Memo lights, direct, gather, pilot; // of all tables of patches
+    Memo lights, direct, gather, smooth, pilot; // of all tables of patches
     // Form-factor rows depend on geometry alone and are most of what a bake keeps: each table of patches lies in the store by itself,
     // under a hash of it. Where they are found and left; absent: they are traced.
     std::function<std::optional<Buffer>(Hash table)> load_rows;
     std::function<void(Hash table, Bytes rows)> save_rows;
     double taken_over() const; // share of what the last bake gathered, 0..1
-    bool changed() const { return lights.changed() || direct.changed() || gather.changed() || pilot.changed(); }
-    template <class A> void fields(A& a) { a(lights, direct, gather, pilot); }
+    bool changed() const { return lights.changed() || direct.changed() || gather.changed() || smooth.changed() || pilot.changed(); }
+    template <class A> void fields(A& a) { a(lights, direct, gather, smooth, pilot); }
 };
 
 } // namespace kiln

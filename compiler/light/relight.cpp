@@ -16,7 +16,7 @@ std::uint64_t light_id(Light light) {
 // Before the rows of new patches.
 void Bake::open_memo() {
     if (base_ == 0) { // the first
-        memo_->lights.begin(), memo_->direct.begin(), memo_->gather.begin(), memo_->pilot.begin();
+        memo_->lights.begin(), memo_->direct.begin(), memo_->gather.begin(), memo_->smooth.begin(), memo_->pilot.begin();
         for (const Light& l : lights_) light_ids_.push_back(light_id(l));
         ByteWriter w;
         w(options_, sealed_, scene_.instruction_set(), emitters_.of_face);

@@ -10,7 +10,8 @@
 namespace kiln {
 namespace {
 
-constexpr int kReach = 3; // luxels; windows of 3, 5 and 7 are tried
+constexpr int kReach = 3;          // luxels; windows of 3, 5 and 7 are tried
+constexpr int kReads = kReach + 1; // of what is in a window, the mean of noise beside it
 constexpr int kSide = 2 * kReach + 1;
 constexpr double kFarthest = 3; // standard deviations of the noise that a luxel is moved at most
 constexpr std::size_t cell(int dx, int dy) {
@@ -44,6 +45,12 @@ bool inverse(const std::array<double, 6>& m, std::array<double, 6>& out) {
     out = {c00 / det, c01 / det, c02 / det, (m[0] * m[5] - m[2] * m[2]) / det, (m[1] * m[2] - m[0] * m[4]) / det, (m[0] * m[3] - m[1] * m[1]) / det};
     return true;
 }
+
+struct Smoothed { // what a memo keeps of a luxel
+    static constexpr bool kRawBytes = true;
+    StoredSum sum;
+    float left = 1;
+};
 
 } // namespace
 
@@ -82,7 +89,6 @@ void Bake::store_luxels() {
 
 // Luxels that read one, through their window or through the mean of noise beside what is in it, whose patch was gathered since the last time.
 std::vector<std::uint8_t> Bake::within_reach_of_new() {
-    constexpr int kReads = kReach + 1;
     const std::vector<Luxel>& luxels = surfaces_.luxels;
     std::vector<std::uint8_t> out(luxels.size());
     std::vector<std::uint8_t> fresh, across;
@@ -107,13 +113,29 @@ std::vector<std::uint8_t> Bake::within_reach_of_new() {
     return out;
 }
 
+// What the luxels of a patch come to is a function of what those within reach gathered, and of which light was left to their rays.
+std::uint64_t Bake::smooth_key(std::uint32_t p, std::span<const std::uint32_t> at_texel, std::span<const std::uint64_t> left_to_rays) const {
+    const Luxel& any = surfaces_.luxels[patch_luxels_[patch_luxel_first_[p]]];
+    const Chart& chart = surfaces_.charts[any.chart.at()];
+    int x0 = any.x, x1 = x0, y0 = any.y, y1 = y0;
+    for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
+        const Luxel& l = surfaces_.luxels[patch_luxels_[k]];
+        x0 = std::min<int>(x0, l.x), x1 = std::max<int>(x1, l.x), y0 = std::min<int>(y0, l.y), y1 = std::max<int>(y1, l.y);
+    }
+    std::uint64_t key = mix(table_.low, p);
+    for (int y = std::max(0, y0 - kReads); y <= std::min(static_cast<int>(chart.height) - 1, y1 + kReads); ++y)
+        for (int x = std::max(0, x0 - kReads); x <= std::min(static_cast<int>(chart.width) - 1, x1 + kReads); ++x) {
+            const std::uint32_t l = at_texel[chart.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y))];
+            key = l == UINT32_MAX ? mix(key) : mix(key ^ gathered_hash_[luxel_patch_[l]], left_to_rays[luxel_patch_[l]]);
+        }
+    return key;
+}
+
 void Bake::smooth() {
     const std::size_t luxels = surfaces_.luxels.size();
     // Where nothing within reach was gathered anew, all is as it was. (Lists change only where patches are done again.)
     const std::vector<std::uint8_t> stirred = within_reach_of_new();
     smoothed_.resize(luxels), left_.resize(luxels, 1);
-    for (std::size_t l = 0; l < luxels; ++l)
-        if (stirred[l]) left_[l] = 1;
     std::vector<std::uint32_t> at_texel(surfaces_.texel_count, UINT32_MAX);
     // What was left to the rays of a patch: light of an emitter with rays of its own is not in what they gathered.
     std::vector<std::uint64_t> left_to_rays;
@@ -215,11 +237,33 @@ void Bake::smooth() {
         smoothed_[l] += plane *= share;
         left_[l] = static_cast<float>(best / variance[l]);
     };
-    each_gathered([&](std::uint32_t l) {
-        if (!stirred[l]) return;
-        smoothed_[l] = gathered_[l];
-        if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l);
-        else draw.template operator()<1>(l);
+    constexpr std::size_t kPart = 64;
+    const std::size_t n = patches_.patches.size();
+    parallel_for(context_, (n + kPart - 1) / kPart, [&](std::size_t part) {
+        for (auto p = static_cast<std::uint32_t>(part * kPart); p < std::min(n, (part + 1) * kPart); ++p) {
+            const std::span<const std::uint32_t> all = std::span(patch_luxels_).subspan(patch_luxel_first_[p], patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+            if (std::ranges::none_of(all, [&](std::uint32_t l) { return stirred[l] && gathered_there_[l]; })) continue;
+            const std::uint64_t key = memo_ ? smooth_key(p, at_texel, left_to_rays) : 0;
+            std::vector<Smoothed> now(all.size());
+            if (const auto kept = memo_ ? memo_->smooth.find(key, {}) : std::nullopt; kept && kept->size() == all.size() * sizeof(Smoothed)) {
+                std::memcpy(now.data(), kept->data(), kept->size());
+            } else {
+                for (std::size_t k = 0; k < all.size(); ++k) {
+                    const std::uint32_t l = all[k];
+                    if (!gathered_there_[l]) continue;
+                    smoothed_[l] = gathered_[l], left_[l] = 1;
+                    if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l);
+                    else draw.template operator()<1>(l);
+                    now[k] = {StoredSum(smoothed_[l]), left_[l]};
+                }
+                if (memo_) {
+                    const auto* bytes = reinterpret_cast<const std::uint8_t*>(now.data());
+                    memo_->smooth.keep(key, {}, {}, Bytes(bytes, bytes + now.size() * sizeof(Smoothed)));
+                }
+            }
+            for (std::size_t k = 0; k < all.size(); ++k)
+                if (gathered_there_[all[k]]) smoothed_[all[k]] = now[k].sum.sum(), left_[all[k]] = now[k].left;
+        }
     });
 }
 
