@@ -236,7 +236,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 20, kAmbientVersion = 9, kDensityVersion = 8;
+constexpr std::uint32_t kLightVersion = 20, kAmbientVersion = 10, kDensityVersion = 9;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
     if (!run.store || !run.store->enabled()) return make(nullptr);
@@ -249,6 +249,11 @@ template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo,
     if (made && memo.changed()) (void)run.store->save(place, to_bytes(memo), false); // not kept: the next run takes nothing over
     return made;
 }
+struct DensityMemo {
+    Memo charts, shown;
+    bool changed() const { return charts.changed() || shown.changed(); }
+    template <class A> void fields(A& a) { a(charts, shown); }
+};
 Result<Lighting> relight(Hash shape, Hash sight, const LightOptions& options, const Visibility* seen, const CompileRun& run, Context& context, const Compiled& out) {
     LightMemo memo;
     const auto rows_key = [&](Hash table) { return all(std::string("form factors"), kLightVersion, shape, table); };
@@ -360,19 +365,17 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;
 
-    const auto texels = [&](Memo* memo) -> Result<Density> {
-        Result<Density> made = level_texels(out.surfaces, out.lighting, options.density, context, memo);
+    DensityMemo before;
+    const auto texels = [&](DensityMemo* memo) -> Result<Density> {
+        Result<Density> made = level_texels(out.surfaces, out.lighting, options.density, context, memo ? &memo->charts : nullptr);
         if (!made) return made;
-        const auto off = shown_error(world, out.surfaces, out.lighting, *made, field(), {.error_floor = options.density.error_floor}, context);
+        const auto off = shown_error(world, out.surfaces, out.lighting, *made, field(), {.error_floor = options.density.error_floor}, context, memo ? &memo->shown : nullptr);
         if (!off) return off.fault();
         made->shown = *off;
         return made;
     };
     const auto density = stages.run(Stage::density, kDensityVersion, all(lit, *light, options.density), places, out.density,
-                                    [&] {
-                                        Memo memo;
-                                        return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, shape, options.light, options.density), memo, run, texels);
-                                    });
+                                    [&] { return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.density), before, run, texels); });
     if (!density) return density.fault();
     if (done(Stage::density)) return true;
 

@@ -2,6 +2,7 @@
 #include "compiler/ambient/air.h"
 #include "compiler/csg/box_tree.h"
 #include "compiler/light/emitters.h"
+#include "compiler/light/kept_rest.h"
 #include <numbers>
 
 namespace kiln::ambient {
@@ -31,20 +32,10 @@ void leaves_in(const Bsp& bsp, const PlaneTable& planes, const Box3& box, std::v
     std::sort(out.begin(), out.end());
 }
 
-// What is kept of a bundle: what it met, and what emitters with rays of their own brought when its light was `seen`.
-struct KeptBundle {
-    FieldBundle bundle;
-    std::uint64_t seen = 0;
-    FieldEmitters emitters;
-    template <class A> void fields(A& a) { a(bundle, seen, emitters); }
-};
-
-// The light of a field at points, from bundles of an earlier field of the same geometry where there are some.
+// The light of a field at points.
 class Rest {
 public:
-    Rest(const LightField& field, Memo* memo) : field_(field), memo_(memo) {
-        if (memo) shining_ = field.shining_faces(), emitters_ = field.emitters_state(), states_ = field.part_states();
-    }
+    Rest(const LightField& field, Memo* memo) : rest_(field, memo) {}
 
     // Light arriving from the whole sphere, less the error that its bundle of rays makes of uniform light. The same bundle in an empty
     // universe of radiance 1 has a known answer, so it serves as a control: what is left of it is subtracted, as much of it as the bundle's
@@ -53,26 +44,7 @@ public:
         thread_local std::vector<FieldEmitters::Arriving> of_ray;
         of_ray.clear();
         Rgbd sum{};
-        const auto ray = [&](Vec3 direction, Rgbd weight) { of_ray.push_back({direction, weight}), sum += weight; };
-        const auto arrive = [&](const KeptBundle& kept, const std::vector<Rgbd>& reflected) { field_.arriving(kept.bundle, reflected, kept.emitters, {}, seed, arrival, ray); };
-        const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
-        const std::uint64_t key = memo_ ? mix(shining_, bits(point.x), bits(point.y), bits(point.z), seed, rays) : 0;
-        if (const auto bytes = memo_ ? memo_->find(key, states_) : std::nullopt) {
-            KeptBundle kept = from_bytes<KeptBundle>(*bytes);
-            const std::vector<Rgbd> reflected = field_.reflected(kept.bundle);
-            if (const std::uint64_t seen = seen_of(reflected); seen != kept.seen) {
-                kept.emitters = field_.emitters(kept.bundle, reflected, point, {}, seed), kept.seen = seen;
-                memo_->renew(key, to_bytes(kept));
-            }
-            arrive(kept, reflected);
-        } else {
-            thread_local Looked looked;
-            KeptBundle kept{field_.bundle(point, {}, rays, seed, memo_ ? &looked : nullptr), 0, {}};
-            const std::vector<Rgbd> reflected = field_.reflected(kept.bundle);
-            kept.emitters = field_.emitters(kept.bundle, reflected, point, {}, seed);
-            arrive(kept, reflected);
-            if (memo_) kept.seen = seen_of(reflected), memo_->keep(key, states_, looked.parts(), to_bytes(kept));
-        }
+        rest_.arriving(point, {}, rays, seed, arrival, [&](Vec3 direction, Rgbd weight) { of_ray.push_back({direction, weight}), sum += weight; });
         const Rgbd mean_radiance = sum / (4 * std::numbers::pi), each = sum / static_cast<double>(of_ray.size());
         if (!(max_component(mean_radiance) > 0)) return;
         for (const FieldEmitters::Arriving& a : of_ray) arrival(a.direction, a.weight - each);
@@ -85,11 +57,7 @@ public:
     }
 
 private:
-    const LightField& field_;
-    Memo* memo_;
-    std::uint64_t shining_ = 0, emitters_ = 0;
-    std::vector<std::uint64_t> states_;
-    std::uint64_t seen_of(const std::vector<Rgbd>& reflected) const { return shining_ ? mix(emitters_, hash_of(reflected).low) : 0; }
+    KeptRest rest_;
 };
 
 // Places beside the triangles that block light: whatever air a wall cuts off lies at its faces.

@@ -1,5 +1,6 @@
 #include "compiler/density/shown_error.h"
 #include "compiler/light/bake.h"
+#include "compiler/light/kept_rest.h"
 #include "compiler/light/seams.h"
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
@@ -27,8 +28,8 @@ struct Answer {
 
 class Asking {
 public:
-    Asking(const World& world, const Surfaces& s, const Lighting& light, const Density& texels, const LightField& field, const ShownErrorOptions& options)
-        : s_(s), light_(light), texels_(texels), field_(field), options_(options), cones_(cone_tables(world, s, directional_of(light), light.encoding)) {}
+    Asking(const World& world, const Surfaces& s, const Lighting& light, const Density& texels, const LightField& field, const ShownErrorOptions& options, Memo* memo)
+        : s_(s), light_(light), texels_(texels), field_(field), rest_(field, memo), options_(options), cones_(cone_tables(world, s, directional_of(light), light.encoding)) {}
 
     // By area, one in each of equal strata.
     std::vector<Place> places() const {
@@ -64,7 +65,8 @@ public:
         field_.arriving_direct(place.position, n, seed(0), [&](Vec3 direction, Rgbd weight) { kernel.add(lamps, direction, weight); });
         for (std::size_t k = 0; k < kAnswers; ++k) {
             KernelSum sum = lamps;
-            field_.arriving_rest(place.position, n, options_.rays, seed(k), [&](Vec3 direction, Rgbd weight) { kernel.add(sum, direction, weight); });
+            const auto add = [&](Vec3 direction, Rgbd weight) { kernel.add(sum, direction, weight); };
+            rest_.arriving(place.position, n, options_.rays, seed(k), add, add);
             out.light[k] = LuxelKernel::displayed(kernel.shown(sum));
         }
         return out;
@@ -88,6 +90,7 @@ private:
     const Lighting& light_;
     const Density& texels_;
     const LightField& field_;
+    const KeptRest rest_;
     const ShownErrorOptions& options_;
     std::vector<std::shared_ptr<const ConeTable>> cones_;
 
@@ -134,14 +137,16 @@ ShownTexels filtered_at(const Surfaces& s, const Lighting& light, const Density&
 }
 
 Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, const Lighting& lighting, const Density& texels, const LightField& field,
-                               const ShownErrorOptions& options, Context& context) {
+                               const ShownErrorOptions& options, Context& context, Memo* memo) {
     try {
-        const Asking asking(world, surfaces, lighting, texels, field, options);
+        if (memo) memo->begin();
+        const Asking asking(world, surfaces, lighting, texels, field, options, memo);
         const std::vector<Place> places = asking.places();
         std::vector<Answer> answers(places.size());
         parallel_for(context, "what is shown", places.size(), [&](std::size_t i) {
             if (!asking.buried(places[i])) answers[i] = asking.answer(places[i]);
         });
+        if (memo) memo->end();
         const auto middle = [](const Answer& a, std::size_t normal) { return (a.light[0][normal] + a.light[1][normal] + a.light[2][normal]) * (1.0 / kAnswers); };
         ShownError out;
         out.places = static_cast<std::uint32_t>(std::ranges::count_if(answers, [](const Answer& a) { return a.normals > 0; }));

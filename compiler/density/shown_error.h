@@ -10,6 +10,7 @@
 #pragma once
 #include "compiler/density/density.h"
 #include "compiler/light/field.h"
+#include "compiler/light/memo.h"
 
 namespace kiln {
 
@@ -27,7 +28,8 @@ struct ShownErrorOptions {
     double error_floor = 0.02; // of the mean light: what is darker is measured against that much
     std::uint64_t seed = 0;
 };
+// `memo`: of an earlier run with the same surfaces: what rays met is taken over.
 Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, const Lighting& lighting, const Density& texels, const LightField& field,
-                               const ShownErrorOptions& options, Context& context);
+                               const ShownErrorOptions& options, Context& context, Memo* memo = nullptr);
 
 } // namespace kiln
