@@ -238,29 +238,34 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
 }
 constexpr std::uint32_t kLightVersion = 20, kAmbientVersion = 10, kDensityVersion = 9;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
-template <class T, class M, class Make> Result<T> with_memo(Hash place, M& memo, const CompileRun& run, const Make& make) {
-    if (!run.store || !run.store->enabled()) return make(nullptr);
-    if (const auto bytes = run.store->load(place)) try {
-            ByteReader r(bytes->bytes());
-            r(memo);
-        } catch (const ArchiveError&) { // as good as absent
-        }
-    Result<T> made = make(&memo);
-    if (made && memo.changed()) (void)run.store->save(place, to_bytes(memo), false); // not kept: the next run takes nothing over
+// Each table lies in the store by itself: most runs change small ones alone.
+template <class T, class Make> Result<T> with_memo(Hash place, const std::vector<Memo*>& memos, const CompileRun& run, const Make& make) {
+    const auto each_table = [&](const auto& body) {
+        for (std::uint64_t m = 0; m < memos.size(); ++m)
+            for (std::uint64_t t = 0; t < memos[m]->tables().size(); ++t) body(memos[m]->tables()[t], all(place, m, t));
+    };
+    each_table([&](Memo::Table& table, Hash at) {
+        if (const auto bytes = run.store->load(at)) try {
+                table = from_bytes<Memo::Table>(bytes->bytes());
+            } catch (const ArchiveError&) { // as good as absent
+            }
+    });
+    Result<T> made = make();
+    if (made)
+        each_table([&](const Memo::Table& table, Hash at) {
+            if (table.changed) (void)run.store->save(at, to_bytes(table), false); // not kept: the next run takes nothing over
+        });
     return made;
 }
-struct DensityMemo {
-    Memo charts, shown;
-    bool changed() const { return charts.changed() || shown.changed(); }
-    template <class A> void fields(A& a) { a(charts, shown); }
-};
+bool keeps(const CompileRun& run) { return run.store && run.store->enabled(); }
 Result<Lighting> relight(Hash shape, Hash sight, const LightOptions& options, const Visibility* seen, const CompileRun& run, Context& context, const Compiled& out) {
+    const auto bake = [&](LightMemo* memo) { return bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, memo, seen); };
+    if (!keeps(run)) return bake(nullptr);
     LightMemo memo;
     const auto rows_key = [&](Hash table) { return all(std::string("form factors"), kLightVersion, shape, table); };
     memo.load_rows = [&](Hash table) { return run.store->load(rows_key(table)); };
     memo.save_rows = [&](Hash table, Bytes rows) { (void)run.store->save(rows_key(table), rows, false); };
-    return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, sight, options), memo, run,
-                               [&](LightMemo* m) { return bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, m, seen); });
+    return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, sight, options), memo.all(), run, [&] { return bake(&memo); });
 }
 // The openings themselves were reported by the stage.
 Fault leak_fault(const World& world, const Leak& leak) {
@@ -353,9 +358,11 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     };
     const auto ambient = stages.run(Stage::ambient, kAmbientVersion, all(lit, *light, options.ambient), places, out.ambient,
                                     [&] {
+                                        const auto place = [&](Memo* memo) { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context, memo); };
+                                        if (!keeps(run)) return place(nullptr);
                                         Memo memo;
-                                        return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.ambient), memo, run,
-                                                                  [&](Memo* m) { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context, m); });
+                                        return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.ambient), {&memo}, run,
+                                                                  [&] { return place(&memo); });
                                     });
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;
@@ -365,17 +372,21 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;
 
-    DensityMemo before;
-    const auto texels = [&](DensityMemo* memo) -> Result<Density> {
-        Result<Density> made = level_texels(out.surfaces, out.lighting, options.density, context, memo ? &memo->charts : nullptr);
+    const auto texels = [&](Memo* charts, Memo* shown) -> Result<Density> {
+        Result<Density> made = level_texels(out.surfaces, out.lighting, options.density, context, charts);
         if (!made) return made;
-        const auto off = shown_error(world, out.surfaces, out.lighting, *made, field(), {.error_floor = options.density.error_floor}, context, memo ? &memo->shown : nullptr);
+        const auto off = shown_error(world, out.surfaces, out.lighting, *made, field(), {.error_floor = options.density.error_floor}, context, shown);
         if (!off) return off.fault();
         made->shown = *off;
         return made;
     };
     const auto density = stages.run(Stage::density, kDensityVersion, all(lit, *light, options.density), places, out.density,
-                                    [&] { return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.density), before, run, texels); });
+                                    [&] {
+                                        if (!keeps(run)) return texels(nullptr, nullptr);
+                                        Memo charts, shown;
+                                        return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.density), {&charts, &shown}, run,
+                                                                  [&] { return texels(&charts, &shown); });
+                                    });
     if (!density) return density.fault();
     if (done(Stage::density)) return true;
 

@@ -47,19 +47,30 @@ bool seen_of(std::span<const std::uint8_t> parts, const std::vector<std::uint64_
 
 } // namespace
 
-const Memo::Entry* Memo::entry(std::uint64_t key) const {
-    const auto at = std::ranges::lower_bound(entries_, key, {}, &Entry::key);
-    return at == entries_.end() || at->key != key ? nullptr : &*at;
+const Memo::Entry* Memo::Table::entry(std::uint64_t key) const {
+    const auto at = std::ranges::lower_bound(entries, key, {}, &Entry::key);
+    return at == entries.end() || at->key != key ? nullptr : &*at;
+}
+
+void Memo::Table::begin() {
+    std::uint64_t end = 0;
+    for (const Entry& e : entries) { // they may come from a file
+        if (e.parts < end || e.value < e.parts || e.end < e.value || e.end > bytes.size()) entries.clear();
+        if (entries.empty()) break;
+        end = e.end;
+    }
+    found.assign(entries.size(), 0), changed = false;
+}
+
+void Memo::Table::put(std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value) {
+    Entry e{key, seen, bytes.size(), 0, 0};
+    bytes.insert(bytes.end(), parts.begin(), parts.end()), e.value = bytes.size();
+    bytes.insert(bytes.end(), value.begin(), value.end()), e.end = bytes.size();
+    entries.push_back(e);
 }
 
 void Memo::begin() {
-    std::uint64_t end = 0;
-    for (const Entry& e : entries_) { // they may come from a file
-        if (e.parts < end || e.value < e.parts || e.end < e.value || e.end > bytes_.size()) entries_.clear();
-        if (entries_.empty()) break;
-        end = e.end;
-    }
-    found_.assign(entries_.size(), 0);
+    for (Table& t : tables_) t.begin();
     for (Shard& s : shards_) s.kept.clear();
 }
 
@@ -73,10 +84,13 @@ std::optional<std::span<const std::uint8_t>> Memo::find(std::uint64_t key, const
             return again->second.value;
         }
     }
-    const Entry* e = entry(key);
-    if (!e || !seen_of(bytes(e->parts, e->value), states, &seen) || seen != e->seen) return std::nullopt;
-    std::atomic_ref(found_[static_cast<std::size_t>(e - entries_.data())]).store(1, std::memory_order_relaxed);
-    return bytes(e->value, e->end);
+    for (Table& t : tables_) {
+        const Entry* e = t.entry(key);
+        if (!e || !seen_of(t.part(e->parts, e->value), states, &seen) || seen != e->seen) continue;
+        std::atomic_ref(t.found[static_cast<std::size_t>(e - t.entries.data())]).store(1, std::memory_order_relaxed);
+        return t.part(e->value, e->end);
+    }
+    return std::nullopt;
 }
 
 void Memo::keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, const Bytes& value) {
@@ -92,45 +106,63 @@ void Memo::renew(std::uint64_t key, const Bytes& value) {
     const std::lock_guard lock(s.mutex);
     if (const auto again = s.kept.find(key); again != s.kept.end()) {
         again->second.value = value;
-    } else if (const Entry* e = entry(key)) {
-        const auto parts = bytes(e->parts, e->value);
+        return;
+    }
+    for (Table& t : tables_) {
+        const Entry* e = t.entry(key);
+        if (!e || !t.found[static_cast<std::size_t>(e - t.entries.data())]) continue;
+        const auto parts = t.part(e->parts, e->value);
         s.kept.insert_or_assign(key, Fresh{e->seen, Bytes(parts.begin(), parts.end()), value});
+        return;
     }
 }
 
 void Memo::end() {
-    constexpr std::uint64_t kWorthWriting = 20; // one part in so many
-    std::vector<std::pair<std::uint64_t, const Fresh*>> kept;
-    std::uint64_t fresh = 0, all = 0;
+    struct Of {
+        std::uint64_t key = 0;
+        int age = 0;
+        std::uint64_t seen = 0;
+        std::span<const std::uint8_t> parts, value;
+    };
+    std::vector<Of> kept;
     for (const Shard& s : shards_)
-        for (const auto& [key, e] : s.kept) {
-            kept.emplace_back(key, &e), fresh += e.parts.size() + e.value.size();
-            if (const Entry* old = entry(key)) found_[static_cast<std::size_t>(old - entries_.data())] = 0;
-        }
-    std::ranges::sort(kept);
-    found_count_ = static_cast<std::size_t>(std::ranges::count(found_, 1)), kept_count_ = kept.size();
-    for (std::size_t i = 0; i < entries_.size(); ++i)
-        if (found_[i]) all += entries_[i].end - entries_[i].parts;
-    all += fresh;
-    changed_ = fresh * kWorthWriting > all;
-    if (changed_) {
-        std::vector<Entry> entries;
-        Bytes bytes_now;
-        entries.reserve(size()), bytes_now.reserve(all);
-        const auto put = [&](std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value) {
-            Entry e{key, seen, bytes_now.size(), 0, 0};
-            bytes_now.insert(bytes_now.end(), parts.begin(), parts.end()), e.value = bytes_now.size();
-            bytes_now.insert(bytes_now.end(), value.begin(), value.end()), e.end = bytes_now.size();
-            entries.push_back(e);
-        };
-        std::size_t k = 0;
-        for (std::size_t i = 0; i <= entries_.size(); ++i) {
-            for (; k < kept.size() && (i == entries_.size() || kept[k].first <= entries_[i].key); ++k) put(kept[k].first, kept[k].second->seen, kept[k].second->parts, kept[k].second->value);
-            if (i < entries_.size() && found_[i]) put(entries_[i].key, entries_[i].seen, bytes(entries_[i].parts, entries_[i].value), bytes(entries_[i].value, entries_[i].end));
-        }
-        entries_ = std::move(entries), bytes_ = std::move(bytes_now);
+        for (const auto& [key, e] : s.kept) kept.push_back({key, 0, e.seen, e.parts, e.value});
+    kept_count_ = kept.size(), found_count_ = 0;
+    for (Table& t : tables_) {
+        for (const Of& k : kept) // stands for what was found of it before
+            if (const Entry* e = t.entry(k.key)) t.found[static_cast<std::size_t>(e - t.entries.data())] = 0;
+        found_count_ += static_cast<std::size_t>(std::ranges::count(t.found, 1));
     }
-    found_.clear();
+    if (!kept.empty()) {
+        const auto size = [](const Table& t) { return t.bytes.size() + t.entries.size() * sizeof(Entry); };
+        // What was kept and what is in the tables; of each key the latest.
+        const auto joined = [&](std::span<const Table> tables, bool found_only) {
+            std::vector<Of> of = kept;
+            for (const Table& t : tables)
+                for (std::size_t i = 0; i < t.entries.size(); ++i) {
+                    const Entry& e = t.entries[i];
+                    if (!found_only || t.found[i]) of.push_back({e.key, 1 + static_cast<int>(&t - tables.data()), e.seen, t.part(e.parts, e.value), t.part(e.value, e.end)});
+                }
+            std::ranges::sort(of, {}, [](const Of& o) { return std::pair(o.key, o.age); });
+            const auto twice = std::ranges::unique(of, {}, &Of::key);
+            of.erase(twice.begin(), twice.end());
+            Table out;
+            std::size_t bytes = 0;
+            for (const Of& o : of) bytes += o.parts.size() + o.value.size();
+            out.entries.reserve(of.size()), out.bytes.reserve(bytes), out.changed = true;
+            for (const Of& o : of) out.put(o.key, o.seen, o.parts, o.value);
+            return out;
+        };
+        auto& [recent, all] = tables_;
+        Table more = joined(std::span(&recent, 1), false);
+        if (2 * size(more) > size(all)) {
+            const bool had = !recent.entries.empty();
+            all = joined(tables_, true), recent = {}, recent.changed = had;
+        } else {
+            recent = std::move(more);
+        }
+    }
+    for (Table& t : tables_) t.found.clear();
     for (Shard& s : shards_) s.kept.clear();
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 #include "libs/core/file.h"
 #include "libs/core/hash.h"
+#include <array>
 #include <functional>
 #include <mutex>
 #include <optional>
@@ -39,19 +40,31 @@ public:
     std::optional<std::span<const std::uint8_t>> find(std::uint64_t key, const std::vector<std::uint64_t>& states);
     void keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, const Bytes& value);
     void renew(std::uint64_t key, const Bytes& value); // of an entry that was found
-    // What was found or kept is what the next run finds. Where little was kept, all stays as it was: `changed` is false, nothing needs to be
-    // written, and the next run makes that little once more.
+    // What was kept joins what the last runs kept, in a table of its own, which is small and written alone: writing costs what the change is worth. Where that is
+    // more than half of the others, what was found or kept becomes one table, and all else is forgotten.
     void end();
-    bool changed() const { return changed_; }
-    std::size_t found() const { return found_count_; } // by the last run, of what there had been
-    std::size_t size() const { return found_count_ + kept_count_; }
-    template <class A> void fields(A& a) { a(entries_, bytes_); }
-
-private:
     struct Entry { // its parts, as differences, a few bits a byte; then its value
         static constexpr bool kRawBytes = true;
-        std::uint64_t key = 0, seen = 0, parts = 0, value = 0, end = 0; // the last three: places in bytes_
+        std::uint64_t key = 0, seen = 0, parts = 0, value = 0, end = 0; // the last three: places in the bytes
     };
+    struct Table {
+        std::vector<Entry> entries; // by key
+        Bytes bytes;
+        std::vector<std::uint8_t> found; // per entry, in this run
+        bool changed = false;            // by the last run
+        void begin();
+        const Entry* entry(std::uint64_t key) const;
+        std::span<const std::uint8_t> part(std::uint64_t from, std::uint64_t to) const { return std::span(bytes).subspan(from, to - from); }
+        void put(std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value); // keys ascend
+        template <class A> void fields(A& a) { a(entries, bytes); }
+    };
+    // First what the last runs kept. An entry stands for itself: any two tables of one geometry go together.
+    std::array<Table, 2>& tables() { return tables_; }
+    std::size_t found() const { return found_count_; } // by the last run, of what there had been
+    std::size_t size() const { return found_count_ + kept_count_; }
+    template <class A> void fields(A& a) { a(tables_); }
+
+private:
     struct Fresh {
         std::uint64_t seen = 0;
         Bytes parts, value;
@@ -67,14 +80,9 @@ private:
         }
     };
     Shard& shard(std::uint64_t key) { return shards_[key % shards_.size()]; }
-    const Entry* entry(std::uint64_t key) const;
-    std::span<const std::uint8_t> bytes(std::uint64_t from, std::uint64_t to) const { return std::span(bytes_).subspan(from, to - from); }
-    std::vector<Entry> entries_; // by key
-    Bytes bytes_;
-    std::vector<std::uint8_t> found_; // per entry
+    std::array<Table, 2> tables_; // recent, all
     std::vector<Shard> shards_ = std::vector<Shard>(64);
     std::size_t found_count_ = 0, kept_count_ = 0;
-    bool changed_ = false;
 };
 
 // Kept for one geometry: surfaces, and what blocks light or lets it through. Another needs another memo, and other rows.
@@ -85,7 +93,7 @@ struct LightMemo {
     std::function<std::optional<Buffer>(Hash table)> load_rows;
     std::function<void(Hash table, Bytes rows)> save_rows;
     double taken_over() const; // share of what the last bake gathered, 0..1
-    bool changed() const { return lights.changed() || direct.changed() || gather.changed() || smooth.changed() || pilot.changed(); }
+    std::vector<Memo*> all() { return {&lights, &direct, &gather, &smooth, &pilot}; }
     template <class A> void fields(A& a) { a(lights, direct, gather, smooth, pilot); }
 };
 
