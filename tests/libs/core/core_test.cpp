@@ -7,6 +7,9 @@
 #include <filesystem>
 #include <gtest/gtest.h>
 #include <mutex>
+#include <sys/stat.h>
+#include <thread>
+#include <unistd.h>
 
 using namespace kiln;
 
@@ -119,4 +122,23 @@ TEST(Check, NamesBothValues) {
         KILN_CHECK_OP(1 + 1, ==, 3);
         FAIL();
     } catch (const InternalError& e) { EXPECT_NE(std::string(e.what()).find("2 against 3"), std::string::npos); }
+}
+
+// A pipe says nothing of how much will come.
+TEST(File, IsReadWhole) {
+    const std::string path = (std::filesystem::temp_directory_path() / ("kiln_file_" + std::to_string(::getpid()))).string();
+    for (const std::size_t size : {std::size_t{0}, std::size_t{1}, std::size_t{65536}, std::size_t{300001}}) {
+        Bytes bytes(size);
+        for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<std::uint8_t>(mix(i));
+        ASSERT_TRUE(write_file(path, bytes));
+        EXPECT_EQ(*read_file(path), bytes);
+        std::filesystem::remove(path);
+        ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0);
+        std::thread writer([&] { EXPECT_TRUE(write_file(path, bytes)); });
+        EXPECT_EQ(*read_file(path), bytes) << "of a pipe";
+        writer.join();
+        std::filesystem::remove(path);
+    }
+    EXPECT_FALSE(read_file(path));
+    EXPECT_FALSE(read_file("/"));
 }
