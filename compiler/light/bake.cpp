@@ -155,7 +155,7 @@ HemisphereMap Bake::map_of(ChartId chart) const {
     return {cones_[chart.at()] || surfaces_.charts[chart.at()].smooth ? 0.6 : 1.0};
 }
 
-// Reflected radiance at hits: direct light of the very luxel, the rest by patch.
+// Reflected radiance at hits, rounded: direct light of the very luxel, the rest by patch.
 ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const {
     ReflectedLight out;
     constexpr double inv_pi = 1 / std::numbers::pi;
@@ -327,10 +327,13 @@ void Bake::make_patches() {
 // A lamp changed in one room changes the last digits of the light of every other. What rays read is rounded, up or down by the place, so that means do not
 // change: it is mostly the same where nothing much happened, and what was gathered of it can be taken over.
 Rgbd Bake::rounded(Rgbd light, double up) const {
-    const double scale = std::max(mean(light), floor_);
-    if (!(scale > 0)) return light;
-    const double step = std::exp2(std::floor(std::log2(scale)) + std::floor(std::log2(kReadStep * options_.error_percent / 100)));
-    for (std::size_t c = 0; c < 3; ++c) light[c] = std::floor(light[c] / step + up) * step;
+    const double share = std::exp2(std::floor(std::log2(kReadStep * options_.error_percent / 100)));
+    for (std::size_t c = 0; c < 3; ++c) { // each by itself, as errors are measured
+        const double scale = std::max(light[c], floor_);
+        if (!(scale > 0)) continue;
+        const double step = std::exp2(std::floor(std::log2(scale))) * share;
+        light[c] = std::floor(light[c] / step + up) * step;
+    }
     return light;
 }
 

@@ -261,7 +261,8 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
 // By quarters of the rays of each row. A solution by one differs from the whole by what its rays tell of the light as it is, carried on over all bounces; that
 // it would carry on by its own rows is second order.
 double Bake::solution_noise() const {
-    constexpr int kSweeps = 8; // noise averages out from bounce to bounce
+    constexpr int kMostSweeps = 256;
+    constexpr double kLeft = 0.1; // of the whole: what may be left of later bounces
     const std::uint32_t m = quality_.row_rays, part = m / kQuarters;
     const std::size_t n = patches_.patches.size();
     const Rgbd sky = sky_radiance(lights_);
@@ -296,14 +297,26 @@ double Bake::solution_noise() const {
             for (std::uint32_t k = 0; k < kWays; ++k) told[p].way[k] += arriving * (q == 0 || q == k + 1 ? 0.25 : -0.25);
         }
     });
+    // Most of such noise averages out at the first bounces; what all of a bright room has in common does not.
+    double rho_max = 0;
+    for (const Rgbd& r : rho) rho_max = std::max(rho_max, max_component(r));
+    std::vector<double> change(chunks), all(chunks);
     sum = told;
-    for (int sweep = 0; sweep < kSweeps; ++sweep) {
-        for (std::size_t p = 0; p < n; ++p) sum[p] = sum[p] * rho[p];
-        each_patch([&](std::uint32_t p, std::size_t) {
+    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+        std::vector<Leaves> leaving(n);
+        for (std::size_t p = 0; p < n; ++p) leaving[p] = sum[p] * rho[p];
+        change.assign(chunks, 0), all.assign(chunks, 0);
+        each_patch([&](std::uint32_t p, std::size_t chunk) {
             next[p] = told[p];
-            for_row(rows_, p, [&](std::uint32_t patch, auto factor) { next[p] += sum[patch] * factor; });
+            for_row(rows_, p, [&](std::uint32_t patch, auto factor) { next[p] += leaving[patch] * factor; });
+            for (std::size_t k = 0; k < kWays; ++k) {
+                const Rgbd d = next[p].way[k] - sum[p].way[k];
+                change[chunk] += dot(d, d), all[chunk] += dot(next[p].way[k], next[p].way[k]);
+            }
         });
         std::swap(sum, next);
+        const double left = std::sqrt(std::accumulate(change.begin(), change.end(), 0.0)) * rho_max;
+        if (left <= kLeft * (1 - rho_max) * std::sqrt(std::accumulate(all.begin(), all.end(), 0.0))) break;
     }
     for (std::size_t p = 0; p < n; ++p) sum[p] = sum[p] * rho[p];
     // What such a difference is in gathered light. By both halves of a row: their product has no share of the row's own noise.

@@ -31,7 +31,7 @@ void KeptRest::arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64
         const std::vector<Rgbd> reflected = field_.reflected(kept.bundle);
         if (const std::uint64_t seen = seen_of(reflected); seen != kept.seen) {
             kept.emitters = field_.emitters(kept.bundle, reflected, point, normal, seed), kept.seen = seen;
-            memo_->renew(key, to_bytes(kept));
+            memo_->renew(key, states_, to_bytes(kept));
         }
         arrive(kept, reflected);
     } else {

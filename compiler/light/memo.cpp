@@ -55,7 +55,7 @@ const Memo::Entry* Memo::Table::entry(std::uint64_t key) const {
 void Memo::Table::begin() {
     std::uint64_t end = 0;
     for (const Entry& e : entries) { // they may come from a file
-        if (e.parts < end || e.value < e.parts || e.end < e.value || e.end > bytes.size()) entries.clear();
+        if (e.parts < end || e.value < e.parts || e.end < e.value || e.end > bytes.size()) entries.clear(), bytes.clear();
         if (entries.empty()) break;
         end = e.end;
     }
@@ -101,7 +101,7 @@ void Memo::keep(std::uint64_t key, const std::vector<std::uint64_t>& states, con
     s.kept.insert_or_assign(key, std::move(e));
 }
 
-void Memo::renew(std::uint64_t key, const Bytes& value) {
+void Memo::renew(std::uint64_t key, const std::vector<std::uint64_t>& states, const Bytes& value) {
     Shard& s = shard(key);
     const std::lock_guard lock(s.mutex);
     if (const auto again = s.kept.find(key); again != s.kept.end()) {
@@ -110,7 +110,8 @@ void Memo::renew(std::uint64_t key, const Bytes& value) {
     }
     for (Table& t : tables_) {
         const Entry* e = t.entry(key);
-        if (!e || !t.found[static_cast<std::size_t>(e - t.entries.data())]) continue;
+        std::uint64_t seen = 0;
+        if (!e || !seen_of(t.part(e->parts, e->value), states, &seen) || seen != e->seen) continue;
         const auto parts = t.part(e->parts, e->value);
         s.kept.insert_or_assign(key, Fresh{e->seen, Bytes(parts.begin(), parts.end()), value});
         return;

@@ -33,15 +33,15 @@ private:
 // Results under a key that stands for everything they are made from but the parts looked at. Any number of threads.
 class Memo {
 public:
-    // What the last run kept is looked up from now on.
+    // What the last runs kept is looked up from now on.
     void begin();
     // The value under `key`, if the parts it was made from have the states that they had then. Valid until it is renewed or the run ends: a key is
     // one thread's at a time.
     std::optional<std::span<const std::uint8_t>> find(std::uint64_t key, const std::vector<std::uint64_t>& states);
     void keep(std::uint64_t key, const std::vector<std::uint64_t>& states, const std::vector<std::uint32_t>& parts, const Bytes& value);
-    void renew(std::uint64_t key, const Bytes& value); // of an entry that was found
-    // What was kept joins what the last runs kept, in a table of its own, which is small and written alone: writing costs what the change is worth. Where that is
-    // more than half of the others, what was found or kept becomes one table, and all else is forgotten.
+    void renew(std::uint64_t key, const std::vector<std::uint64_t>& states, const Bytes& value); // of an entry that was found in these states
+    // What was kept joins what the last runs kept, in a table of its own, which is the smaller one and written alone. Where that is more than half of the others,
+    // what was found or kept becomes one table, and all else is forgotten.
     void end();
     struct Entry { // its parts, as differences, a few bits a byte; then its value
         static constexpr bool kRawBytes = true;

@@ -136,6 +136,8 @@ void Bake::smooth() {
     // Where nothing within reach was gathered anew, all is as it was. (Lists change only where patches are done again.)
     const std::vector<std::uint8_t> stirred = within_reach_of_new();
     smoothed_.resize(luxels), left_.resize(luxels, 1);
+    for (std::size_t l = 0; l < luxels; ++l)
+        if (stirred[l]) left_[l] = 1;
     std::vector<std::uint32_t> at_texel(surfaces_.texel_count, UINT32_MAX);
     // What was left to the rays of a patch: light of an emitter with rays of its own is not in what they gathered.
     std::vector<std::uint64_t> left_to_rays;

@@ -36,7 +36,9 @@ std::optional<Buffer> ContentStore::load(Hash key, bool* damaged) const {
     if (!stored || stored->bytes().size() < sizeof(Header)) return bad();
     Header header, expected;
     std::memcpy(&header, stored->bytes().data(), sizeof header);
-    if (std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0 || header.key != key) return bad();
+    if (std::memcmp(header.magic, expected.magic, sizeof header.magic - 1) != 0) return bad();
+    if (header.magic[7] != expected.magic[7]) return std::nullopt; // of another version of the store
+    if (header.key != key || header.compressed > 1) return bad();
     const std::span<const std::uint8_t> packed = std::as_const(*stored).bytes().subspan(sizeof header);
     if (!header.compressed) {
         if (packed.size() != header.size || hash_bytes(packed) != header.content) return bad();
@@ -44,7 +46,8 @@ std::optional<Buffer> ContentStore::load(Hash key, bool* damaged) const {
         return *std::move(stored);
     }
     // The frame's own idea of its size is checked before anything is allocated by it.
-    if (ZSTD_getFrameContentSize(packed.data(), packed.size()) != header.size) return bad();
+    const unsigned long long size = ZSTD_getFrameContentSize(packed.data(), packed.size());
+    if (size == ZSTD_CONTENTSIZE_ERROR || size == ZSTD_CONTENTSIZE_UNKNOWN || size != header.size) return bad();
     Buffer bytes(header.size);
     if (ZSTD_decompress(bytes.bytes().data(), header.size, packed.data(), packed.size()) != header.size) return bad();
     if (hash_bytes(bytes.bytes()) != header.content) return bad();

@@ -211,7 +211,7 @@ TEST(Relight, OfAMemoIsWrittenWhatIsNew) {
     // A tenth renewed; what was renewed before is found no more.
     again();
     for (std::uint32_t k = 0; k < 50; ++k) EXPECT_EQ(value(1000 * k, after), static_cast<int>(k));
-    for (std::uint32_t k = 0; k < 10; ++k) memo.renew(1000 * k, Bytes(10, 255));
+    for (std::uint32_t k = 0; k < 10; ++k) memo.renew(1000 * k, after, Bytes(10, 255));
     memo.end();
     EXPECT_EQ(written(), std::pair(true, false));
     EXPECT_EQ(memo.found(), 40u);

@@ -65,6 +65,26 @@ TEST(Store, EveryDamagedEntryIsAMiss) {
     }
 }
 
+TEST(Store, OfAnotherVersionIsAMissAndALieOfItsSizeIsDamage) {
+    const Folder folder;
+    const ContentStore store(folder.path);
+    const Hash key{9, 9};
+    ASSERT_TRUE(store.save(key, kValue));
+    const Bytes good = *read_file(store.path(key));
+    Bytes other = good;
+    other[7] = '1';
+    ASSERT_TRUE(write_file(store.path(key), other));
+    bool damaged = false;
+    EXPECT_FALSE(held(store, key, &damaged));
+    EXPECT_FALSE(damaged);
+    Bytes lies = good;
+    std::fill_n(lies.begin() + 8, 8, std::uint8_t{255}), lies[8] = 254; // what zstd says of what is no frame of its
+    std::fill_n(lies.begin() + 56, 4, std::uint8_t{0});
+    ASSERT_TRUE(write_file(store.path(key), lies));
+    EXPECT_FALSE(held(store, key, &damaged));
+    EXPECT_TRUE(damaged);
+}
+
 TEST(Store, AnEntryUnderAnotherKeyIsAMiss) {
     const Folder folder;
     const ContentStore store(folder.path);
