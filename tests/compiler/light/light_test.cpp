@@ -421,6 +421,16 @@ TEST(Bake, LinearInItsLights) {
     EXPECT_LT(worst, 0.2);
 }
 
+// Of a room that keeps nearly all light, what the rows are off by adds up over hundreds of bounces.
+TEST(Bake, NoiseOfTheSolutionGrowsWithReflectance) {
+    const auto noise = [](float reflectance) {
+        SurfacesBuilder scene = two_rooms(10);
+        for (Material& m : scene.world.materials) m.reflectance = {reflectance, reflectance, reflectance};
+        return bake(std::move(scene), {.error_percent = 10}, {point_light({60, 60, 80}, {3000, 3000, 3000})}, 2)->lighting.error.solution;
+    };
+    EXPECT_GT(noise(0.97f), noise(0.8f));
+}
+
 // A closed dark box inside a bright one, its walls thin and off every lattice: nothing gets in, whatever the
 // offset.
 TEST(Bake, ThinWallsDoNotLeak) {
