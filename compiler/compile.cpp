@@ -196,7 +196,7 @@ double sight_radius(const World& world, Context& context) {
 }
 // The visibility stage, taken up where an earlier run was stopped; what it came to is kept where it is stopped again.
 Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const VisibilityOptions& options, const CompileRun& run, Context& context, Compiled& out) {
-    const bool keeps = run.store && run.store->enabled() && !options.fast;
+    const bool keeps = run.keeps() && !options.fast;
     const Hash place = all(std::string("visibility in progress, 5"), key);
     std::array<VisibilityProgress, 2> progress; // area portals open, and shut
     const auto begin = std::chrono::steady_clock::now();
@@ -236,10 +236,11 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 21, kAmbientVersion = 10, kDensityVersion = 9;
+constexpr std::uint32_t kLightVersion = 22, kAmbientVersion = 10, kDensityVersion = 9;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
-// Each table lies in the store by itself: most runs change small ones alone.
+// Each table lies in the store by itself: most runs change small ones alone. make(whether there are memos)
 template <class T, class Make> Result<T> with_memo(Hash place, const std::vector<Memo*>& memos, const CompileRun& run, const Make& make) {
+    if (!run.keeps()) return make(false);
     const auto each_table = [&](const auto& body) {
         for (std::uint64_t m = 0; m < memos.size(); ++m)
             for (std::uint64_t t = 0; t < memos[m]->tables().size(); ++t) body(memos[m]->tables()[t], all(place, m, t));
@@ -250,22 +251,20 @@ template <class T, class Make> Result<T> with_memo(Hash place, const std::vector
             } catch (const ArchiveError&) { // as good as absent
             }
     });
-    Result<T> made = make();
+    Result<T> made = make(true);
     if (made)
         each_table([&](const Memo::Table& table, Hash at) {
             if (table.changed) (void)run.store->save(at, to_bytes(table), false); // not kept: the next run takes nothing over
         });
     return made;
 }
-bool keeps(const CompileRun& run) { return run.store && run.store->enabled(); }
 Result<Lighting> relight(Hash shape, Hash sight, const LightOptions& options, const Visibility* seen, const CompileRun& run, Context& context, const Compiled& out) {
-    const auto bake = [&](LightMemo* memo) { return bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, memo, seen); };
-    if (!keeps(run)) return bake(nullptr);
     LightMemo memo;
     const auto rows_key = [&](Hash table) { return all(std::string("form factors"), kLightVersion, shape, table); };
     memo.load_rows = [&](Hash table) { return run.store->load(rows_key(table)); };
     memo.save_rows = [&](Hash table, Bytes rows) { (void)run.store->save(rows_key(table), rows, false); };
-    return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, sight, options), memo.all(), run, [&] { return bake(&memo); });
+    return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, sight, options), memo.all(), run,
+                               [&](bool kept) { return bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, kept ? &memo : nullptr, seen); });
 }
 // The openings themselves were reported by the stage.
 Fault leak_fault(const World& world, const Leak& leak) {
@@ -358,11 +357,9 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     };
     const auto ambient = stages.run(Stage::ambient, kAmbientVersion, all(lit, *light, options.ambient), places, out.ambient,
                                     [&] {
-                                        const auto place = [&](Memo* memo) { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context, memo); };
-                                        if (!keeps(run)) return place(nullptr);
                                         Memo memo;
                                         return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.ambient), {&memo}, run,
-                                                                  [&] { return place(&memo); });
+                                                                  [&](bool kept) { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context, kept ? &memo : nullptr); });
                                     });
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;
@@ -382,10 +379,9 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     };
     const auto density = stages.run(Stage::density, kDensityVersion, all(lit, *light, options.density), places, out.density,
                                     [&] {
-                                        if (!keeps(run)) return texels(nullptr, nullptr);
                                         Memo charts, shown;
                                         return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.density), {&charts, &shown}, run,
-                                                                  [&] { return texels(&charts, &shown); });
+                                                                  [&](bool kept) { return kept ? texels(&charts, &shown) : texels(nullptr, nullptr); });
                                     });
     if (!density) return density.fault();
     if (done(Stage::density)) return true;

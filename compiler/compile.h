@@ -88,6 +88,7 @@ struct CompileRun { // what cannot change the result
     // from there.
     double visibility_seconds = 0;
     std::function<void(const StageReport&)> stage_done;
+    bool keeps() const { return store && store->enabled(); }
 };
 
 // Fills `out` stage by stage. A fault ends it: leak (unless allowed), unreadable map, nothing to compile, cancelled.

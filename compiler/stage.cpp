@@ -3,7 +3,7 @@
 namespace kiln {
 
 std::optional<StageRunner::Entry> StageRunner::fetch(Hash key, Hash places) {
-    if (!run_.store || !run_.store->enabled()) return std::nullopt;
+    if (!run_.keeps()) return std::nullopt;
     bool damaged = false;
     const std::optional<Buffer> bytes = run_.store->load(key, &damaged);
     if (damaged)
@@ -19,7 +19,7 @@ std::optional<StageRunner::Entry> StageRunner::fetch(Hash key, Hash places) {
 }
 
 void StageRunner::keep(Hash key, const Entry& entry) {
-    if (!run_.store || !run_.store->enabled()) return;
+    if (!run_.keeps()) return;
     if (!run_.store->save(key, to_bytes(entry)))
         context_.report(Severity::warning, "cache-unwritable", "a stage result could not be kept; the build goes on without",
                         {.file = run_.store->path(key)});

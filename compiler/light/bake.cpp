@@ -25,6 +25,7 @@ Quality Quality::of(const LightOptions& options) {
     q.light_cutoff = 0.001 * e;
     q.direct_samples = e <= 1.5 ? 32 : e <= 2.5 ? 16 : e <= 6 ? 8 : e <= 12 ? 4 : 2;
     q.row_rays = e <= 1 ? 1024 : e <= 2.5 ? 512 : e < 4 ? 256 : 128; // they are the guides of the gather as well
+    q.read_step = std::exp2(std::floor(std::log2(kReadStep * options.error_percent / 100)));
     q.iteration = std::min(1e-3, e * 1e-4);
     q.first_rays = e >= 15 ? 8 : e >= 4 ? 16 : 32;
     return q;
@@ -327,11 +328,10 @@ void Bake::make_patches() {
 // A lamp changed in one room changes the last digits of the light of every other. What rays read is rounded, up or down by the place, so that means do not
 // change: it is mostly the same where nothing much happened, and what was gathered of it can be taken over.
 Rgbd Bake::rounded(Rgbd light, double up) const {
-    const double share = std::exp2(std::floor(std::log2(kReadStep * options_.error_percent / 100)));
     for (std::size_t c = 0; c < 3; ++c) { // each by itself, as errors are measured
         const double scale = std::max(light[c], floor_);
         if (!(scale > 0)) continue;
-        const double step = std::exp2(std::floor(std::log2(scale))) * share;
+        const double step = std::exp2(std::floor(std::log2(scale))) * quality_.read_step;
         light[c] = std::floor(light[c] / step + up) * step;
     }
     return light;

@@ -62,6 +62,7 @@ struct Quality {                        // what the error target buys; tuned in 
     double light_cutoff = 5e-3; // entity lights that together bring less than this share of E are left out
     std::uint32_t first_rays = 64, most_rays = 4096; // per luxel: of the first pass; where it is noisy
     double iteration = 1e-3;                         // bound on the relative iteration error
+    double read_step = 0;                            // a power of two: to what share of itself light is rounded where rays read it
     static Quality of(const LightOptions& options);
 };
 

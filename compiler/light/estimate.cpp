@@ -282,7 +282,7 @@ double Bake::solution_noise() const {
             for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) body(static_cast<std::uint32_t>(p), chunk);
         });
     };
-    std::vector<Leaves> told(n), sum(n), next(n);
+    std::vector<Leaves> told(n), sum(n), next(n), leaving(n);
     each_patch([&](std::uint32_t p, std::size_t) {
         for (std::uint32_t q = 0; q < kQuarters; ++q) {
             Rgbd emitted, met;
@@ -303,7 +303,6 @@ double Bake::solution_noise() const {
     std::vector<double> change(chunks), all(chunks);
     sum = told;
     for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-        std::vector<Leaves> leaving(n);
         for (std::size_t p = 0; p < n; ++p) leaving[p] = sum[p] * rho[p];
         change.assign(chunks, 0), all.assign(chunks, 0);
         each_patch([&](std::uint32_t p, std::size_t chunk) {

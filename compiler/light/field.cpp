@@ -145,7 +145,11 @@ const LightField::Data& LightField::data() const {
 void LightField::arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed,
                           const Arrival& arrival) const {
     arriving_direct(point, normal, seed, arrival);
-    arriving_rest(point, normal, rays, seed, arrival);
+    const FieldBundle met = bundle(point, normal, rays, seed);
+    const std::vector<Rgbd> radiance = reflected(met);
+    arriving(met, radiance, emitters(met, radiance, point, normal, seed), normal, seed, arrival, [&](Vec3 way, Rgbd weight) {
+        if (max_component(weight) > 0) arrival(way, weight);
+    });
 }
 
 void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, const Arrival& arrival) const {
@@ -324,14 +328,6 @@ void LightField::arriving(const FieldBundle& bundle, std::vector<Rgbd> reflected
         if (!std::ranges::binary_search(emitters.listed, s.emitter)) reflected[s.ray] += static_cast<Rgbd>(s.share) * data_->emitters.emitters[s.emitter].radiance;
     const Ways ways(normal, static_cast<std::uint32_t>(bundle.place.size()), seed);
     for (std::size_t i = 0; i < reflected.size(); ++i) of_rays(ways.direction[i], reflected[i] * ways.solid[i]);
-}
-
-void LightField::arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const {
-    const FieldBundle met = bundle(point, normal, rays, seed);
-    const std::vector<Rgbd> radiance = reflected(met);
-    arriving(met, radiance, emitters(met, radiance, point, normal, seed), normal, seed, arrival, [&](Vec3 way, Rgbd weight) {
-        if (max_component(weight) > 0) arrival(way, weight);
-    });
 }
 
 // Radiance of one face as an engine shows it.

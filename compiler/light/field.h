@@ -127,10 +127,9 @@ public:
     // The sum over calls of weight * kernel(direction) estimates the integral of L * kernel over solid angle.
     // `rays`: size of the gathered bundle (power of two). Deterministic in (point, seed).
     void arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const;
-    // Only direct light of entities (point, spot, sun), or only the rest.
+    // Only direct light of entities (point, spot, sun).
     void arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, const Arrival& arrival) const;
-    void arriving_rest(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const;
-    // The rest in steps, for who keeps what the rays met. `looked`: notes the parts of the field that it depends on.
+    // The rest, in steps, for who keeps what the rays met. `looked`: notes the parts of the field that it depends on.
     FieldBundle bundle(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, Looked* looked = nullptr) const;
     std::vector<Rgbd> reflected(const FieldBundle& bundle) const; // radiance that its rays bring, emitters left out
     FieldEmitters emitters(const FieldBundle& bundle, std::span<const Rgbd> reflected, Vec3 point, Vec3 normal, std::uint64_t seed) const;

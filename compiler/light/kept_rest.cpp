@@ -19,29 +19,25 @@ KeptRest::KeptRest(const LightField& field, Memo* memo) : field_(field), memo_(m
 }
 
 void KeptRest::arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, const Arrival& of_emitters, const Arrival& of_rays) const {
-    const auto arrive = [&](const KeptBundle& kept, const std::vector<Rgbd>& reflected) { field_.arriving(kept.bundle, reflected, kept.emitters, normal, seed, of_emitters, of_rays); };
     std::uint64_t key = 0;
     if (memo_) {
         key = mix(shining_, seed, rays);
         for (const Vec3& v : {point, normal})
             for (std::size_t a = 0; a < 3; ++a) key = mix(key, std::bit_cast<std::uint64_t>(v[a]));
     }
-    if (const auto bytes = memo_ ? memo_->find(key, states_) : std::nullopt) {
-        KeptBundle kept = from_bytes<KeptBundle>(*bytes);
-        const std::vector<Rgbd> reflected = field_.reflected(kept.bundle);
-        if (const std::uint64_t seen = seen_of(reflected); seen != kept.seen) {
-            kept.emitters = field_.emitters(kept.bundle, reflected, point, normal, seed), kept.seen = seen;
-            memo_->renew(key, states_, to_bytes(kept));
-        }
-        arrive(kept, reflected);
-    } else {
-        thread_local Looked looked;
-        KeptBundle kept{field_.bundle(point, normal, rays, seed, memo_ ? &looked : nullptr), 0, {}};
-        const std::vector<Rgbd> reflected = field_.reflected(kept.bundle);
-        kept.emitters = field_.emitters(kept.bundle, reflected, point, normal, seed);
-        arrive(kept, reflected);
-        if (memo_) kept.seen = seen_of(reflected), memo_->keep(key, states_, looked.parts(), to_bytes(kept));
+    thread_local Looked looked;
+    const auto bytes = memo_ ? memo_->find(key, states_) : std::nullopt;
+    KeptBundle kept;
+    if (bytes) kept = from_bytes<KeptBundle>(*bytes);
+    else kept.bundle = field_.bundle(point, normal, rays, seed, memo_ ? &looked : nullptr);
+    const std::vector<Rgbd> reflected = field_.reflected(kept.bundle);
+    const std::uint64_t seen = memo_ ? seen_of(reflected) : 0;
+    if (!bytes || kept.seen != seen) {
+        kept.emitters = field_.emitters(kept.bundle, reflected, point, normal, seed), kept.seen = seen;
+        if (bytes) memo_->renew(key, states_, to_bytes(kept));
+        else if (memo_) memo_->keep(key, states_, looked.parts(), to_bytes(kept));
     }
+    field_.arriving(kept.bundle, reflected, kept.emitters, normal, seed, of_emitters, of_rays);
 }
 
 } // namespace kiln

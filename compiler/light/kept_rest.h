@@ -1,5 +1,5 @@
 // The light of a field that is not direct light of entities, asked for again and again in one geometry: what the rays of a point met is kept from run to
-// run (memo.h) and looked up in the light as it is now. The light is that of LightField::arriving_rest, bit by bit.
+// run (memo.h) and looked up in the light as it is now. With LightField::arriving_direct it is the light of LightField::arriving.
 #pragma once
 #include "compiler/light/field.h"
 #include "compiler/light/memo.h"

@@ -135,7 +135,6 @@ void Memo::end() {
         found_count_ += static_cast<std::size_t>(std::ranges::count(t.found, 1));
     }
     if (!kept.empty()) {
-        const auto size = [](const Table& t) { return t.bytes.size() + t.entries.size() * sizeof(Entry); };
         // What was kept and what is in the tables; of each key the latest.
         const auto joined = [&](std::span<const Table> tables, bool found_only) {
             std::vector<Of> of = kept;
@@ -147,20 +146,26 @@ void Memo::end() {
             std::ranges::sort(of, {}, [](const Of& o) { return std::pair(o.key, o.age); });
             const auto twice = std::ranges::unique(of, {}, &Of::key);
             of.erase(twice.begin(), twice.end());
-            Table out;
+            return of;
+        };
+        const auto bytes_of = [](const std::vector<Of>& of) {
             std::size_t bytes = 0;
             for (const Of& o : of) bytes += o.parts.size() + o.value.size();
-            out.entries.reserve(of.size()), out.bytes.reserve(bytes), out.changed = true;
+            return bytes;
+        };
+        const auto table_of = [&](const std::vector<Of>& of) {
+            Table out;
+            out.entries.reserve(of.size()), out.bytes.reserve(bytes_of(of)), out.changed = true;
             for (const Of& o : of) out.put(o.key, o.seen, o.parts, o.value);
             return out;
         };
         auto& [recent, all] = tables_;
-        Table more = joined(std::span(&recent, 1), false);
-        if (2 * size(more) > size(all)) {
+        const std::vector<Of> more = joined(std::span(&recent, 1), false);
+        if (2 * (bytes_of(more) + more.size() * sizeof(Entry)) > all.bytes.size() + all.entries.size() * sizeof(Entry)) {
             const bool had = !recent.entries.empty();
-            all = joined(tables_, true), recent = {}, recent.changed = had;
+            all = table_of(joined(tables_, true)), recent = {}, recent.changed = had;
         } else {
-            recent = std::move(more);
+            recent = table_of(more);
         }
     }
     for (Table& t : tables_) t.found.clear();

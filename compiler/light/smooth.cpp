@@ -246,10 +246,11 @@ void Bake::smooth() {
             const std::span<const std::uint32_t> all = std::span(patch_luxels_).subspan(patch_luxel_first_[p], patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
             if (std::ranges::none_of(all, [&](std::uint32_t l) { return stirred[l] && gathered_there_[l]; })) continue;
             const std::uint64_t key = memo_ ? smooth_key(p, at_texel, left_to_rays) : 0;
-            std::vector<Smoothed> now(all.size());
-            if (const auto kept = memo_ ? memo_->smooth.find(key, {}) : std::nullopt; kept && kept->size() == all.size() * sizeof(Smoothed)) {
-                std::memcpy(now.data(), kept->data(), kept->size());
+            std::vector<Smoothed> now;
+            if (const auto kept = memo_ ? memo_->smooth.find(key, {}) : std::nullopt) {
+                now = from_bytes<std::vector<Smoothed>>(*kept);
             } else {
+                now.resize(all.size());
                 for (std::size_t k = 0; k < all.size(); ++k) {
                     const std::uint32_t l = all[k];
                     if (!gathered_there_[l]) continue;
@@ -258,10 +259,7 @@ void Bake::smooth() {
                     else draw.template operator()<1>(l);
                     now[k] = {StoredSum(smoothed_[l]), left_[l]};
                 }
-                if (memo_) {
-                    const auto* bytes = reinterpret_cast<const std::uint8_t*>(now.data());
-                    memo_->smooth.keep(key, {}, {}, Bytes(bytes, bytes + now.size() * sizeof(Smoothed)));
-                }
+                if (memo_) memo_->smooth.keep(key, {}, {}, to_bytes(now));
             }
             for (std::size_t k = 0; k < all.size(); ++k)
                 if (gathered_there_[all[k]]) smoothed_[all[k]] = now[k].sum.sum(), left_[all[k]] = now[k].left;
