@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 
 namespace kiln {
 namespace {
@@ -375,7 +376,7 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst_of_blocks(cons
 }
 
 // The largest change over what is allowed. Both reconstructions are bilinear between the lines through the centres of either, so is
-// what is allowed: the corners of those rectangles are the worst places.
+// what is allowed: the corners of those rectangles are the worst places. Those at half luxels first, which cost least and mostly say enough: what does not do there is not looked at further.
 template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) const {
     struct Line {
         double at = 0;          // luxel coordinate
@@ -391,6 +392,8 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) c
         std::ranges::sort(out, {}, &Line::at);
         return out;
     };
+    std::vector<Read> at_half;
+    for (std::uint32_t i = 0; i < vx_; ++i) at_half.push_back(read_at(0.5 * i * f.scale.x + f.shift.x, f.width));
     const std::vector<Line> xs = lines(vx_, f.width, f.scale.x, f.shift.x), ys = lines(vy_, f.height, f.scale.y, f.shift.y);
     const auto reads = [](const std::vector<Line>& all, double scale, double shift, std::uint32_t n) {
         std::vector<Read> out;
@@ -401,10 +404,27 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) c
     double most = 0;
     f.square = f.weight = 0;
     std::array<double, kChannels> full{}, coarse{};
+    for (std::uint32_t j = 0; j < vy_; ++j) {
+        const Read down = read_at(0.5 * j * f.scale.y + f.shift.y, f.height);
+        for (std::uint32_t i = 0; i < vx_; ++i) {
+            const std::size_t v = vertex(i, j);
+            if (!used_[v]) continue;
+            std::copy_n(shown_.begin() + static_cast<std::ptrdiff_t>(v * kChannels), kChannels, full.begin());
+            lookup<kChannels>(f.texels.data(), f.width, at_half[i], down, coarse.data());
+            for (std::size_t c = 0; c < 3; ++c) {
+                const double off = change(full.data(), coarse.data(), c), relative = off / static_cast<double>(l_.scale[3 * v + c]), weight = used_[v];
+                most = std::max(most, off / static_cast<double>(may_[3 * v + c]));
+                f.square += weight * relative * relative, f.weight += weight;
+            }
+            if (most > kFarOff) return most;
+        }
+    }
+    if (most > 1) return most;
     for (std::size_t j = 0; j < ys.size(); ++j)
         for (std::size_t i = 0; i < xs.size(); ++i) {
-            // Of the quads that the place is in or at the border of, is one covered?
             const bool on_x = xs[i].at == 0.5 * xs[i].half, on_y = ys[j].at == 0.5 * ys[j].half;
+            if (on_x && on_y) continue;
+            // Of the quads that the place is in or at the border of, is one covered?
             const std::uint32_t hx = xs[i].half, hy = ys[j].half;
             bool here = false;
             for (std::uint32_t qy = hy - (on_y && hy > 0 ? 1 : 0); qy <= hy && qy + 1 < vy_; ++qy)
@@ -412,45 +432,58 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) c
             if (!here) continue;
             lookup<kChannels>(l_.texels.data(), l_.width, full_x[i], full_y[j], full.data());
             lookup<kChannels>(f.texels.data(), f.width, x[i], y[j], coarse.data());
-            for (std::size_t c = 0; c < 3; ++c) {
-                const double allowed = may_at(hx, hy, 2 * xs[i].at - hx, 2 * ys[j].at - hy, c);
-                const double off = change(full.data(), coarse.data(), c);
-                most = std::max(most, off / allowed);
-                if (most > kFarOff) return most;
-                if (!on_x || !on_y) continue;
-                const double relative = off / static_cast<double>(l_.scale[3 * vertex(hx, hy) + c]), weight = used_[vertex(hx, hy)];
-                f.square += weight * relative * relative, f.weight += weight;
-            }
+            for (std::size_t c = 0; c < 3; ++c)
+                most = std::max(most, change(full.data(), coarse.data(), c) / may_at(hx, hy, 2 * xs[i].at - hx, 2 * ys[j].at - hy, c));
+            if (most > kFarOff) return most;
         }
     return most;
 }
 
+// The fewest texels that do. The smallest sizes are tried one by one: most charts need no more, and where two or three texels lie along an axis decides more
+// than how many they are. Beyond, one that fails speaks for those below it with half its texels or less, and the next to be tried is the one that leaves
+// fewest either way: a chart that stays as it is needs a dozen fits, not hundreds.
 template <std::size_t kChannels> std::optional<ChartFit> Fitting<kChannels>::coarsest() {
+    constexpr int kOneByOne = 6;
+    constexpr double kSpeaksFor = 0.5;   // of its texels
+    constexpr std::size_t kLookAt = 64; // sizes, of those left
     struct Size {
         const Axis *x, *y;
         std::size_t texels() const { return std::size_t{x->n} * y->n; }
     };
     const std::vector<Axis> across = axes(0), down = axes(1);
-    std::vector<Size> all;
+    std::vector<Size> left;
     for (const Axis& x : across)
         for (const Axis& y : down)
-            if (Size s{&x, &y}; s.texels() < std::size_t{l_.width} * l_.height) all.push_back(s);
-    std::ranges::sort(all, [](const Size& a, const Size& b) { return std::make_tuple(a.texels(), a.x->n) < std::make_tuple(b.texels(), b.x->n); });
-    std::vector<std::pair<double, double>> failed; // along both axes: no fewer than these will do
+            if (Size s{&x, &y}; s.texels() < std::size_t{l_.width} * l_.height) left.push_back(s);
+    std::ranges::sort(left, {}, [](const Size& s) { return std::pair(s.texels(), s.x->n); });
     const auto power = [](const Axis& a) { return a.scale == 1 && a.shift == 0 ? HUGE_VAL : a.n; }; // nothing is lost along it
-    for (const Size& s : all) {
-        if (std::ranges::any_of(failed, [&](const auto& f) { return power(*s.x) <= f.first && power(*s.y) <= f.second; })) continue;
+    const auto below = [power](const Size& o, const Size& s, double times) { return power(*o.x) <= power(*s.x) * times && power(*o.y) <= power(*s.y) * times; };
+    const auto spoken_for = [&](const Size& o, const Size& s) { return static_cast<double>(o.texels()) <= kSpeaksFor * static_cast<double>(s.texels()) && below(o, s, 1); };
+    std::optional<ChartFit> best;
+    for (int tries = 0; !left.empty(); ++tries) {
+        std::size_t next = 0, most = 0;
+        if (tries >= kOneByOne)
+            for (std::size_t i = 0; i < left.size(); i += (left.size() + kLookAt - 1) / kLookAt) {
+                const auto fails = 1 + std::ranges::count_if(std::span(left).first(i), [&](const Size& o) { return spoken_for(o, left[i]); });
+                if (const std::size_t gone = std::min(static_cast<std::size_t>(fails), left.size() - i); gone > most) next = i, most = gone;
+            }
+        const Size s = left[next];
         double ratio = best_possible(*s.x, *s.y);
         if (ratio <= 1.00001) {
             ChartFit f = fit(*s.x, *s.y);
             ratio = worst(f);
             if (ratio <= 1) ratio = worst_of_blocks(f);
-            if (ratio <= 1) return f;
+            if (ratio <= 1) best = std::move(f);
         }
-        const double further = ratio > kFarOff ? 1.25 : 1; // where it is a long way off a few more will not do either
-        failed.emplace_back(power(*s.x) * further, power(*s.y) * further);
+        if (ratio <= 1) {
+            left.resize(next);
+            continue;
+        }
+        left.erase(left.begin() + static_cast<std::ptrdiff_t>(next));
+        const bool far_off = ratio > kFarOff; // a few more will not do either
+        std::erase_if(left, [&](const Size& o) { return spoken_for(o, s) || (far_off && below(o, s, 1.25)); });
     }
-    return std::nullopt;
+    return best;
 }
 
 } // namespace
