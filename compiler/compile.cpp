@@ -3,6 +3,7 @@
 #include "compiler/light/memo.h"
 #include "compiler/stage.h"
 #include "compiler/visibility/shut.h"
+#include "libs/parallel/parallel.h"
 #include <algorithm>
 #include <charconv>
 #include <chrono>
@@ -236,26 +237,24 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 22, kAmbientVersion = 10, kDensityVersion = 10;
+constexpr std::uint32_t kLightVersion = 23, kAmbientVersion = 10, kDensityVersion = 10;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 // Each table lies in the store by itself: most runs change small ones alone. make(whether there are memos)
-template <class T, class Make> Result<T> with_memo(Hash place, const std::vector<Memo*>& memos, const CompileRun& run, const Make& make) {
+template <class T, class Make> Result<T> with_memo(Hash place, const std::vector<Memo*>& memos, const CompileRun& run, Context& context, const Make& make) {
     if (!run.keeps()) return make(false);
-    const auto each_table = [&](const auto& body) {
-        for (std::uint64_t m = 0; m < memos.size(); ++m)
-            for (std::uint64_t t = 0; t < memos[m]->tables().size(); ++t) body(memos[m]->tables()[t], all(place, m, t));
-    };
-    each_table([&](Memo::Table& table, Hash at) {
-        if (const auto bytes = run.store->load(at)) try {
-                table = from_bytes<Memo::Table>(bytes->bytes());
+    std::vector<std::pair<Memo::Table*, Hash>> tables;
+    for (std::uint64_t m = 0; m < memos.size(); ++m)
+        for (std::uint64_t t = 0; t < memos[m]->tables().size(); ++t) tables.emplace_back(&memos[m]->tables()[t], all(place, m, t));
+    parallel_for(context, tables.size(), [&](std::size_t i) {
+        if (auto bytes = run.store->load(tables[i].second)) try {
+                *tables[i].first = Memo::Table::of(*std::move(bytes));
             } catch (const ArchiveError&) { // as good as absent
             }
     });
     Result<T> made = make(true);
     if (made)
-        each_table([&](const Memo::Table& table, Hash at) {
-            if (table.changed) (void)run.store->save(at, to_bytes(table), false); // not kept: the next run takes nothing over
-        });
+        for (const auto& [table, at] : tables) // one after the other: each is copied
+            if (table->changed) (void)run.store->save(at, to_bytes(*table), false); // not kept: the next run takes nothing over
     return made;
 }
 Result<Lighting> relight(Hash shape, Hash sight, const LightOptions& options, const Visibility* seen, const CompileRun& run, Context& context, const Compiled& out) {
@@ -263,7 +262,7 @@ Result<Lighting> relight(Hash shape, Hash sight, const LightOptions& options, co
     const auto rows_key = [&](Hash table) { return all(std::string("form factors"), kLightVersion, shape, table); };
     memo.load_rows = [&](Hash table) { return run.store->load(rows_key(table)); };
     memo.save_rows = [&](Hash table, Bytes rows) { (void)run.store->save(rows_key(table), rows, false); };
-    return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, sight, options), memo.all(), run,
+    return with_memo<Lighting>(all(std::string("light of before"), kLightVersion, shape, sight, options), memo.all(), run, context,
                                [&](bool kept) { return bake_light(out.world, out.bsp, out.bsp.planes, out.surfaces, out.lights, options, context, kept ? &memo : nullptr, seen); });
 }
 // The openings themselves were reported by the stage.
@@ -358,7 +357,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     const auto ambient = stages.run(Stage::ambient, kAmbientVersion, all(lit, *light, options.ambient), places, out.ambient,
                                     [&] {
                                         Memo memo;
-                                        return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.ambient), {&memo}, run,
+                                        return with_memo<Ambient>(all(std::string("cubes of before"), kAmbientVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.ambient), {&memo}, run, context,
                                                                   [&](bool kept) { return place_ambient(out.bsp, out.bsp.planes, out.surfaces, out.lights, field(), options.ambient, context, kept ? &memo : nullptr); });
                                     });
     if (!ambient) return ambient.fault();
@@ -380,7 +379,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     const auto density = stages.run(Stage::density, kDensityVersion, all(lit, *light, options.density), places, out.density,
                                     [&] {
                                         Memo charts, shown;
-                                        return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.density), {&charts, &shown}, run,
+                                        return with_memo<Density>(all(std::string("charts of before"), kDensityVersion, field().scene().instruction_set(), shape, seen_by, options.light, options.density), {&charts, &shown}, run, context,
                                                                   [&](bool kept) { return kept ? texels(&charts, &shown) : texels(nullptr, nullptr); });
                                     });
     if (!density) return density.fault();

@@ -15,6 +15,7 @@ constexpr double kSteep = 5;                               // targets by which d
 constexpr double kReadStep = 0.5;                          // of the target: to what share of itself light is rounded where rays read it
 constexpr double kFarPatches = 3;                          // sizes of a patch from which on light close by is not followed further
 constexpr std::uint64_t kRounding = 7;                     // pass of seed_at
+constexpr std::size_t kChunk = 1024;                       // patches or luxels, of a few instructions each
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
 Quality Quality::of(const LightOptions& options) {
@@ -161,25 +162,30 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
     ReflectedLight out;
     constexpr double inv_pi = 1 / std::numbers::pi;
     out.patch.resize(patches_.patches.size());
-    for (std::size_t p = 0; p < out.patch.size(); ++p)
-        out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * rounded(total[p], Random(seed_at(patches_.patches[p].centroid, kRounding))()) * inv_pi);
+    parallel_chunks(context_, out.patch.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t p = begin; p < end; ++p)
+            out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * rounded(total[p], Random(seed_at(patches_.patches[p].centroid, kRounding))()) * inv_pi);
+    });
     out.texel.resize(surfaces_.texel_count);
     out.direct.resize(surfaces_.texel_count);
     std::vector<std::uint8_t> lit(surfaces_.texel_count);
-    for (std::size_t l = 0; l < surfaces_.luxels.size(); ++l) {
-        const Luxel& luxel = surfaces_.luxels[l];
-        const std::uint32_t p = luxel_patch_[l];
-        if (p == kNoPatch) continue;
-        const std::size_t texel = texel_of(surfaces_, luxel);
-        const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
-        out.direct[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat, luxel_rounding_[l]));
-        out.texel[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat + rest_of_luxel[l], luxel_rounding_[l]));
-        lit[texel] = 1;
-    }
+    parallel_chunks(context_, surfaces_.luxels.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t l = begin; l < end; ++l) {
+            const Luxel& luxel = surfaces_.luxels[l];
+            const std::uint32_t p = luxel_patch_[l];
+            if (p == kNoPatch) continue;
+            const std::size_t texel = texel_of(surfaces_, luxel);
+            const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
+            out.direct[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat, luxel_rounding_[l]));
+            out.texel[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat + rest_of_luxel[l], luxel_rounding_[l]));
+            lit[texel] = 1;
+        }
+    });
     // In a corner a luxel gets up to half of its light from the next one on the other wall, most of it from that one's rim.
     const double steep = kSteep * options_.error_percent / 100;
     out.steep.resize(surfaces_.texel_count);
-    for (const Chart& c : surfaces_.charts)
+    parallel_for(context_, surfaces_.charts.size(), [&](std::size_t chart) {
+        const Chart& c = surfaces_.charts[chart];
         for (std::uint32_t y = 0; y < c.height; ++y)
             for (std::uint32_t x = 0; x < c.width; ++x) {
                 const std::size_t a = c.texel(x, y);
@@ -192,14 +198,20 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
                 if (x + 1 < c.width) compare(a + 1);
                 if (y + 1 < c.height) compare(a + c.width);
             }
+    });
     return out;
 }
 
 bool Bake::is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const {
-    if (is_patch(code)) return length(light.place[code] - light.place[patch]) - light.reach[code] > light.far_from[patch];
+    const auto beyond = [&](Vec3 place, double reach) {
+        const Vec3 d = place - light.place[patch];
+        const double r = light.far_from[patch] + reach;
+        return dot(d, d) > r * r;
+    };
+    if (is_patch(code)) return beyond(light.place[code], light.reach[code]);
     if (code >= kHitPanes) return false;
     const Emitter& e = emitters_.emitters[code & ~kHitEmitter];
-    return length(e.center - light.place[patch]) - e.radius > light.far_from[patch];
+    return beyond(e.center, e.radius);
 }
 
 // `parent`: of each patch, in `table`.
@@ -218,20 +230,21 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
             for (const std::uint32_t v : surfaces_.triangles[t]) light->reach[p] = std::max(light->reach[p], length(surfaces_.positions[v] - place));
         light->far_from[p] = kFarPatches * size + light->reach[p];
     }
+    std::vector<Rgbd> met(n);
+    std::vector<std::uint32_t> count(n);
+    parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
+        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p)
+            for (std::uint64_t i = std::uint64_t{p} * m; i < std::uint64_t{p + 1} * m; ++i) {
+                if (!is_far(*light, p, hits_[i])) continue;
+                ++count[p];
+                if (is_patch(hits_[i])) met[p] += static_cast<Rgbd>(light->patch[hits_[i]]);
+                const std::uint32_t emitter = emitter_of(hits_[i]);
+                if (emitter != UINT32_MAX && !listed(p, emitter)) met[p] += emitters_.emitters[emitter].radiance;
+            }
+    });
     std::vector<Rgbd> sum(table.patches.size());
     std::vector<double> weight(table.patches.size());
-    for (std::uint32_t p = 0; p < n; ++p) {
-        Rgbd met;
-        std::uint32_t count = 0;
-        for (std::uint64_t i = std::uint64_t{p} * m; i < std::uint64_t{p + 1} * m; ++i) {
-            if (!is_far(*light, p, hits_[i])) continue;
-            ++count;
-            if (is_patch(hits_[i])) met += static_cast<Rgbd>(light->patch[hits_[i]]);
-            const std::uint32_t emitter = emitter_of(hits_[i]);
-            if (emitter != UINT32_MAX && !listed(p, emitter)) met += emitters_.emitters[emitter].radiance;
-        }
-        sum[parent[p]] += met * patches_.patches[p].area, weight[parent[p]] += count * patches_.patches[p].area;
-    }
+    for (std::uint32_t p = 0; p < n; ++p) sum[parent[p]] += met[p] * patches_.patches[p].area, weight[parent[p]] += count[p] * patches_.patches[p].area;
     for (std::size_t c = 0; c < sum.size(); ++c)
         sum[c] = weight[c] > 0 ? rounded(sum[c] / weight[c], Random(seed_at(table.patches[c].centroid, kRounding))()) : Rgbd{-1, -1, -1};
     light->far.resize(n);

@@ -109,10 +109,10 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     std::uint64_t radiances = 0; // of all emitters
     for (const Emitter& e : emitters_.emitters) radiances = mix(radiances, hash_of(e.radiance).low);
     constexpr std::size_t kChunk = 32;
-    parallel_for(context_, "light: visible lights", (n + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+    parallel_chunks(context_, "light: visible lights", n, kChunk, [&](std::size_t begin, std::size_t end) {
         std::uint64_t rays = 0;
         std::vector<std::uint8_t> met(emitters_.emitters.size());
-        for (auto p = static_cast<std::uint32_t>(chunk * kChunk); p < std::min(n, (chunk + 1) * kChunk); ++p) {
+        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
             const Patch& patch = patches_.patches[p];
             if (!receives(p)) continue;
             clusters_[p] = sight_.of_patch(surfaces_, patches_, p, scene_.push_off());
@@ -521,10 +521,9 @@ std::vector<std::vector<std::uint8_t>> Bake::luxel_direct(std::span<const std::u
     // Other points each time: that a place was found noisy must not be part of its value.
     const std::uint64_t pass = 1024 + direct_passes_++;
     constexpr std::size_t kChunk = 16;
-    parallel_for(context_, "light: direct", (patches.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+    parallel_chunks(context_, "light: direct", patches.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         std::uint64_t rays = 0;
-        for (const std::uint32_t p :
-             patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
+        for (const std::uint32_t p : patches.subspan(begin, end - begin)) {
             divided[p].resize(lists_[p].size());
             luxel_direct_of(p, pass, &divided[p], &rays);
         }

@@ -171,9 +171,9 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
     if (memo_) note_states();
     std::vector<PilotLuxel> results(chosen.size());
     constexpr std::size_t kChunk = 8;
-    parallel_for(context_, "light: pilot", (chosen.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+    parallel_chunks(context_, "light: pilot", chosen.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         thread_local Looked looked;
-        for (std::size_t i = chunk * kChunk; i < std::min(chosen.size(), (chunk + 1) * kChunk); ++i) {
+        for (std::size_t i = begin; i < end; ++i) {
             const std::uint32_t l = chosen[i], p = luxel_patch_[l];
             const bool encoding = i % 4 == 0;
             const std::uint64_t key = memo_ ? mix(gather_key(p), std::bit_cast<std::uint64_t>(floor_), effort_[p], l, pilots_, static_cast<std::uint64_t>(rough) | std::uint64_t{encoding} << 1) : 0;
@@ -276,10 +276,10 @@ double Bake::solution_noise() const {
     std::vector<Rgbd> rho, reflected;
     for (std::size_t p = 0; p < n; ++p) rho.push_back(static_cast<Rgbd>(patches_.patches[p].reflectance)), reflected.push_back(rho[p] * (rest_[p] + solved_direct_[p]));
     constexpr std::size_t kChunk = 256;
-    const std::size_t chunks = (n + kChunk - 1) / kChunk;
+    const std::size_t chunks = slots_of(n, kChunk);
     const auto each_patch = [&](const auto& body) {
-        parallel_for(context_, chunks, [&](std::size_t chunk) {
-            for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) body(static_cast<std::uint32_t>(p), chunk);
+        parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
+            for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) body(p, begin / kChunk);
         });
     };
     std::vector<Leaves> told(n), sum(n), next(n), leaving(n);

@@ -378,14 +378,13 @@ void Bake::share_rays(double wanted) {
 // before: what decided that a place is noisy must not be part of its value.
 std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std::uint32_t> patches, Pass pass) {
     constexpr std::size_t kChunk = 16; // patches: their luxels share a guide
-    std::vector<HitCounts> counts((patches.size() + kChunk - 1) / kChunk);
+    std::vector<HitCounts> counts(slots_of(patches.size(), kChunk));
     std::vector<std::vector<std::uint32_t>> found(patches_.patches.size());
     if (memo_) note_states();
     for (const std::uint32_t p : patches) new_[p] = 1;
-    parallel_for(context_, "light: gather", counts.size(), [&](std::size_t chunk) {
+    parallel_chunks(context_, "light: gather", patches.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         thread_local Looked looked;
-        for (const std::uint32_t p :
-             patches.subspan(chunk * kChunk, std::min(kChunk, patches.size() - chunk * kChunk))) {
+        for (const std::uint32_t p : patches.subspan(begin, end - begin)) {
             if (covered_[p] || patch_luxel_first_[p] == patch_luxel_first_[p + 1]) continue;
             const std::uint64_t stream = pass == Pass::first ? 4 : 16 + rays_[p];
             const std::uint64_t key = memo_ ? mix(gather_key(p), stream, static_cast<std::uint64_t>(pass == Pass::last)) : 0;
@@ -416,7 +415,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 // filled from the neighbours.
                 gathered_there_[l] = g.rays > 0 && 2 * (g.back + (sealed_ ? g.escaped : 0)) <= g.rays;
                 if (!gathered_there_[l]) continue;
-                counts[chunk] += HitCounts{g.rays, g.escaped, g.back};
+                counts[begin / kChunk] += HitCounts{g.rays, g.escaped, g.back};
                 gathered_[l] = g.sum.sum();
                 KernelSum sum = direct_[l];
                 sum += gathered_[l];

@@ -55,7 +55,7 @@ const Memo::Entry* Memo::Table::entry(std::uint64_t key) const {
 void Memo::Table::begin() {
     std::uint64_t end = 0;
     for (const Entry& e : entries) { // they may come from a file
-        if (e.parts < end || e.value < e.parts || e.end < e.value || e.end > bytes.size()) entries.clear(), bytes.clear();
+        if (e.parts < end || e.value < e.parts || e.end < e.value || e.end > bytes().size()) clear();
         if (entries.empty()) break;
         end = e.end;
     }
@@ -63,10 +63,21 @@ void Memo::Table::begin() {
 }
 
 void Memo::Table::put(std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value) {
-    Entry e{key, seen, bytes.size(), 0, 0};
-    bytes.insert(bytes.end(), parts.begin(), parts.end()), e.value = bytes.size();
-    bytes.insert(bytes.end(), value.begin(), value.end()), e.end = bytes.size();
+    Entry e{key, seen, own_.size(), 0, 0};
+    own_.insert(own_.end(), parts.begin(), parts.end()), e.value = own_.size();
+    own_.insert(own_.end(), value.begin(), value.end()), e.end = own_.size();
     entries.push_back(e);
+}
+
+Memo::Table Memo::Table::of(Buffer file) {
+    Table out;
+    out.file_ = std::make_shared<const Buffer>(std::move(file));
+    ByteReader r(out.file_->bytes());
+    std::uint64_t size = 0;
+    r(out.entries, size); // bytes: their number, then they themselves
+    if (size != r.left()) throw ArchiveError("archive length differs from what is left");
+    out.from_ = out.file_->bytes().size() - size;
+    return out;
 }
 
 void Memo::begin() {
@@ -155,13 +166,13 @@ void Memo::end() {
         };
         const auto table_of = [&](const std::vector<Of>& of) {
             Table out;
-            out.entries.reserve(of.size()), out.bytes.reserve(bytes_of(of)), out.changed = true;
+            out.reserve(of.size(), bytes_of(of)), out.changed = true;
             for (const Of& o : of) out.put(o.key, o.seen, o.parts, o.value);
             return out;
         };
         auto& [recent, all] = tables_;
         const std::vector<Of> more = joined(std::span(&recent, 1), false);
-        if (2 * (bytes_of(more) + more.size() * sizeof(Entry)) > all.bytes.size() + all.entries.size() * sizeof(Entry)) {
+        if (2 * (bytes_of(more) + more.size() * sizeof(Entry)) > all.bytes().size() + all.entries.size() * sizeof(Entry)) {
             const bool had = !recent.entries.empty();
             all = table_of(joined(tables_, true)), recent = {}, recent.changed = had;
         } else {

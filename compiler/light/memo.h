@@ -49,14 +49,28 @@ public:
     };
     struct Table {
         std::vector<Entry> entries; // by key
-        Bytes bytes;
         std::vector<std::uint8_t> found; // per entry, in this run
         bool changed = false;            // by the last run
         void begin();
         const Entry* entry(std::uint64_t key) const;
-        std::span<const std::uint8_t> part(std::uint64_t from, std::uint64_t to) const { return std::span(bytes).subspan(from, to - from); }
+        std::span<const std::uint8_t> bytes() const { return file_ ? file_->bytes().subspan(from_) : std::span<const std::uint8_t>(own_); }
+        std::span<const std::uint8_t> part(std::uint64_t from, std::uint64_t to) const { return bytes().subspan(from, to - from); }
+        void reserve(std::size_t entries_to_come, std::size_t bytes_to_come) { entries.reserve(entries_to_come), own_.reserve(bytes_to_come); }
         void put(std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value); // keys ascend
-        template <class A> void fields(A& a) { a(entries, bytes); }
+        void clear() { entries.clear(), own_.clear(), file_.reset(); }
+        static Table of(Buffer file); // as it is written, without a copy; throws ArchiveError
+        template <class A> void fields(A& a) {
+            if constexpr (std::is_same_v<A, ByteWriter>) {
+                a(entries, std::uint64_t{bytes().size()}), a.raw(bytes().data(), bytes().size());
+            } else {
+                file_.reset(), a(entries, own_);
+            }
+        }
+
+    private:
+        Bytes own_;                          // made by this run, or
+        std::shared_ptr<const Buffer> file_; // read, from there on
+        std::size_t from_ = 0;
     };
     // First what the last runs kept. An entry stands for itself: any two tables of one geometry go together.
     std::array<Table, 2>& tables() { return tables_; }

@@ -62,10 +62,9 @@ void Bake::note_solution() {
         }
     };
     constexpr std::size_t kChunk = 256;
-    const std::size_t chunks = (n + kChunk - 1) / kChunk;
-    parallel_for(context_, chunks, [&](std::size_t chunk) {
+    parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
         ByteWriter w;
-        for (auto p = static_cast<std::uint32_t>(chunk * kChunk); p < std::min(n, (chunk + 1) * kChunk); ++p) {
+        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
             const Rgbd emitted = patch_emitter_[p] == UINT32_MAX ? Rgbd{} : emitters_.emitters[patch_emitter_[p]].radiance;
             w.bytes.clear();
             w(bright_[p], emitted);
@@ -78,8 +77,8 @@ void Bake::note_solution() {
             reflects_coarse_[p] = hash_bytes(w.bytes).low;
         }
     });
-    parallel_for(context_, chunks, [&](std::size_t chunk) {
-        for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
+    parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t p = begin; p < end; ++p) {
             std::uint64_t sum = 0;
             for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) sum = mix(sum, seen[rows_.patch[k]]);
             const std::size_t m = quality_.row_rays;

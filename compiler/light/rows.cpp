@@ -30,12 +30,12 @@ void Bake::trace_rows() {
     hit_cells_.assign(n * m, 0);
     covered_.assign(n, 0);
     constexpr std::size_t kChunk = 16;
-    std::vector<HitCounts> counts((n + kChunk - 1) / kChunk);
+    std::vector<HitCounts> counts(slots_of(n, kChunk));
     std::vector<PaneRays> through(scene_.has_panes() ? counts.size() : 0);
-    parallel_for(context_, "light: form factors", counts.size(), [&](std::size_t chunk) {
+    parallel_chunks(context_, "light: form factors", n, kChunk, [&](std::size_t begin, std::size_t end) {
         std::vector<Vec3> origins(m), directions(m);
         std::vector<std::optional<SceneHit>> found(m);
-        for (std::size_t p = chunk * kChunk; p < std::min(n, (chunk + 1) * kChunk); ++p) {
+        for (std::size_t p = begin; p < end; ++p) {
             const Patch& patch = patches_.patches[p];
             // A patch that reflects nothing is never asked for its irradiance, unless luxels lean on it.
             const Face& face = surfaces_.faces[patch.face.at()];
@@ -66,7 +66,7 @@ void Bake::trace_rows() {
                 }
                 if (!through.empty())
                     note_panes(p * m + i, origins[i], directions[i], found[i] ? found[i]->distance : 1e30,
-                               {.start = std::sqrt(patch.area / m), .end = std::sqrt(std::numbers::pi / m), .start_normal = face.normal}, code, through[chunk]);
+                               {.start = std::sqrt(patch.area / m), .end = std::sqrt(std::numbers::pi / m), .start_normal = face.normal}, code, through[begin / kChunk]);
             }
             // A face of a brush model that stands in the world's solid, say: no light, and no leak either.
             if (2 * (c.back + (sealed_ ? c.escaped : 0)) > m) {
@@ -74,7 +74,7 @@ void Bake::trace_rows() {
                 std::fill_n(hits_.begin() + static_cast<std::ptrdiff_t>(p * m), m, kHitBlack);
                 c = {.rays = m};
             }
-            counts[chunk] += c;
+            counts[begin / kChunk] += c;
         }
     });
     pane_rays_ = joined(through);
@@ -91,12 +91,12 @@ void Bake::trace_rows() {
 // `count` rows of what `of(row, add)` adds up, each in the order in which patches were met first.
 template <class Of> Bake::Rows Bake::built(std::size_t count, const Of& of) const {
     constexpr std::size_t kChunk = 256;
-    std::vector<Rows> parts((count + kChunk - 1) / kChunk);
-    parallel_for(context_, parts.size(), [&](std::size_t chunk) {
+    std::vector<Rows> parts(slots_of(count, kChunk));
+    parallel_chunks(context_, count, kChunk, [&](std::size_t begin, std::size_t end) {
         thread_local std::vector<double> sum; // all 0 in between
         sum.resize(std::max(sum.size(), patches_.patches.size()));
-        Rows& rows = parts[chunk];
-        for (std::size_t row = chunk * kChunk; row < std::min(count, (chunk + 1) * kChunk); ++row) {
+        Rows& rows = parts[begin / kChunk];
+        for (std::size_t row = begin; row < end; ++row) {
             const std::size_t first = rows.patch.size();
             rows.first.push_back(first);
             of(row, [&](std::uint32_t patch, double weight) {
@@ -106,14 +106,16 @@ template <class Of> Bake::Rows Bake::built(std::size_t count, const Of& of) cons
             for (std::size_t k = first; k < rows.patch.size(); ++k) rows.weight.push_back(static_cast<float>(sum[rows.patch[k]])), sum[rows.patch[k]] = 0;
         }
     });
+    std::vector<std::uint64_t> at{0}; // of each part, among all
+    for (const Rows& part : parts) at.push_back(at.back() + part.patch.size());
     Rows all;
-    all.first.reserve(count + 1);
-    for (const Rows& part : parts) {
-        for (const std::uint64_t f : part.first) all.first.push_back(all.patch.size() + f);
-        all.patch.insert(all.patch.end(), part.patch.begin(), part.patch.end());
-        all.weight.insert(all.weight.end(), part.weight.begin(), part.weight.end());
-    }
-    all.first.push_back(all.patch.size());
+    all.first.resize(count + 1, at.back()), all.patch.resize(at.back()), all.weight.resize(at.back());
+    parallel_chunks(context_, count, kChunk, [&](std::size_t begin, std::size_t) {
+        const Rows& part = parts[begin / kChunk];
+        const auto to = static_cast<std::ptrdiff_t>(at[begin / kChunk]);
+        for (std::size_t k = 0; k < part.first.size(); ++k) all.first[begin + k] = static_cast<std::uint64_t>(to) + part.first[k];
+        std::ranges::copy(part.patch, all.patch.begin() + to), std::ranges::copy(part.weight, all.weight.begin() + to);
+    });
     return all;
 }
 
@@ -142,24 +144,26 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
     const std::uint32_t m = quality_.row_rays;
     const Rgbd sky = sky_radiance(lights_);
     std::vector<Rgbd> out(patches_.patches.size());
-    for (std::size_t p = 0; p < out.size(); ++p) {
-        for (std::uint32_t i = 0; i < m; ++i) {
-            const std::uint32_t hit = hits_[p * m + i];
-            if (hit == kHitEscaped) {
-                out[p] += sky;
-                continue;
+    parallel_chunks(context_, out.size(), 256, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t p = begin; p < end; ++p) {
+            for (std::uint32_t i = 0; i < m; ++i) {
+                const std::uint32_t hit = hits_[p * m + i];
+                if (hit == kHitEscaped) {
+                    out[p] += sky;
+                    continue;
+                }
+                if (hit == kHitPanes) {
+                    out[p] += emission_through_panes(p * m + i, static_cast<std::uint32_t>(p), only_unlisted);
+                    continue;
+                }
+                const std::uint32_t emitter = emitter_of(hit);
+                if (emitter == UINT32_MAX) continue;
+                if (only_unlisted && listed(static_cast<std::uint32_t>(p), emitter)) continue;
+                out[p] += emitters_.emitters[emitter].radiance;
             }
-            if (hit == kHitPanes) {
-                out[p] += emission_through_panes(p * m + i, static_cast<std::uint32_t>(p), only_unlisted);
-                continue;
-            }
-            const std::uint32_t emitter = emitter_of(hit);
-            if (emitter == UINT32_MAX) continue;
-            if (only_unlisted && listed(static_cast<std::uint32_t>(p), emitter)) continue;
-            out[p] += emitters_.emitters[emitter].radiance;
+            out[p] *= std::numbers::pi / m;
         }
-        out[p] *= std::numbers::pi / m;
-    }
+    });
     return out;
 }
 

@@ -46,9 +46,9 @@ void insert_tjunctions(const VertexTable& vertices, std::span<const FaceOutlines
     const Corners corners(unique, [&](VertexId v) { return vertices.position(v); });
 
     constexpr std::size_t kChunk = 64; // faces that share their scratch
-    parallel_for(context, (faces.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+    parallel_chunks(context, faces.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         std::vector<Found> found;
-        for (std::size_t f = chunk * kChunk; f < std::min(faces.size(), (chunk + 1) * kChunk); ++f)
+        for (std::size_t f = begin; f < end; ++f)
             for (Outline& loop : *faces[f].loops) {
                 const std::size_t n = loop.vertices.size();
                 found.clear();

@@ -1,4 +1,5 @@
 #include "libs/parallel/parallel.h"
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
@@ -98,6 +99,20 @@ void parallel_for(Context& context, const std::string& stage, std::size_t count,
             gate.unlock();
         }
     });
+}
+
+namespace {
+std::function<void(std::size_t)> of_chunk(std::size_t count, std::size_t size, const std::function<void(std::size_t, std::size_t)>& body) {
+    return [=, &body](std::size_t chunk) { body(chunk * size, std::min(count, (chunk + 1) * size)); };
+}
+} // namespace
+
+void parallel_chunks(Context& context, std::size_t count, std::size_t size, const std::function<void(std::size_t, std::size_t)>& body) {
+    parallel_for(context, slots_of(count, size), of_chunk(count, size, body));
+}
+
+void parallel_chunks(Context& context, const std::string& stage, std::size_t count, std::size_t size, const std::function<void(std::size_t, std::size_t)>& body) {
+    parallel_for(context, stage, slots_of(count, size), of_chunk(count, size, body));
 }
 
 void parallel_tasks(Context& context, std::size_t count, const std::function<void(const std::function<void(std::size_t)>& more)>& body) {

@@ -62,6 +62,16 @@ TEST(Parallel, EachItemRunsOnceOnAnyNumberOfThreads) {
         std::vector<int> hits(1000);
         parallel_for(context, hits.size(), [&](std::size_t i) { ++hits[i]; });
         EXPECT_EQ(hits, std::vector<int>(1000, 1));
+        std::vector<std::size_t> slots(slots_of(hits.size(), 64));
+        parallel_chunks(context, hits.size(), 64, [&](std::size_t first, std::size_t last) {
+            for (std::size_t i = first; i < last; ++i) ++hits[i];
+            slots[first / 64] += last - first;
+        });
+        EXPECT_EQ(hits, std::vector<int>(1000, 2));
+        std::vector<std::size_t> expected(16, 64);
+        expected.back() = 40;
+        EXPECT_EQ(slots, expected);
+        parallel_chunks(context, 0, 64, [&](std::size_t, std::size_t) { ADD_FAILURE(); });
     }
 }
 
