@@ -378,29 +378,8 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst_of_blocks(cons
 // The largest change over what is allowed. Both reconstructions are bilinear between the lines through the centres of either, so is
 // what is allowed: the corners of those rectangles are the worst places. Those at half luxels first, which cost least and mostly say enough: what does not do there is not looked at further.
 template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) const {
-    struct Line {
-        double at = 0;          // luxel coordinate
-        std::uint32_t half = 0; // the vertex at or before it
-    };
-    const auto lines = [](std::uint32_t vertices, std::uint32_t n, double scale, double shift) {
-        std::vector<Line> out;
-        for (std::uint32_t i = 0; i < vertices; ++i) out.push_back({0.5 * i, i});
-        for (std::uint32_t t = 0; n > 1 && t < n; ++t) {
-            const double at = (t + 0.5 - shift) / scale;
-            if (at > 0 && at < 0.5 * (vertices - 1) && std::abs(at * 2 - std::round(at * 2)) > 1e-9) out.push_back({at, static_cast<std::uint32_t>(at * 2)});
-        }
-        std::ranges::sort(out, {}, &Line::at);
-        return out;
-    };
     std::vector<Read> at_half;
     for (std::uint32_t i = 0; i < vx_; ++i) at_half.push_back(read_at(0.5 * i * f.scale.x + f.shift.x, f.width));
-    const std::vector<Line> xs = lines(vx_, f.width, f.scale.x, f.shift.x), ys = lines(vy_, f.height, f.scale.y, f.shift.y);
-    const auto reads = [](const std::vector<Line>& all, double scale, double shift, std::uint32_t n) {
-        std::vector<Read> out;
-        for (const Line& l : all) out.push_back(read_at(l.at * scale + shift, n));
-        return out;
-    };
-    const std::vector<Read> full_x = reads(xs, 1, 0, l_.width), full_y = reads(ys, 1, 0, l_.height), x = reads(xs, f.scale.x, f.shift.x, f.width), y = reads(ys, f.scale.y, f.shift.y, f.height);
     double most = 0;
     f.square = f.weight = 0;
     std::array<double, kChannels> full{}, coarse{};
@@ -420,6 +399,28 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) c
         }
     }
     if (most > 1) return most;
+
+    struct Line {
+        double at = 0;          // luxel coordinate
+        std::uint32_t half = 0; // the vertex at or before it
+    };
+    const auto lines = [](std::uint32_t vertices, std::uint32_t n, double scale, double shift) {
+        std::vector<Line> out;
+        for (std::uint32_t i = 0; i < vertices; ++i) out.push_back({0.5 * i, i});
+        for (std::uint32_t t = 0; n > 1 && t < n; ++t) {
+            const double at = (t + 0.5 - shift) / scale;
+            if (at > 0 && at < 0.5 * (vertices - 1) && std::abs(at * 2 - std::round(at * 2)) > 1e-9) out.push_back({at, static_cast<std::uint32_t>(at * 2)});
+        }
+        std::ranges::sort(out, {}, &Line::at);
+        return out;
+    };
+    const std::vector<Line> xs = lines(vx_, f.width, f.scale.x, f.shift.x), ys = lines(vy_, f.height, f.scale.y, f.shift.y);
+    const auto reads = [](const std::vector<Line>& all, double scale, double shift, std::uint32_t n) {
+        std::vector<Read> out;
+        for (const Line& l : all) out.push_back(read_at(l.at * scale + shift, n));
+        return out;
+    };
+    const std::vector<Read> full_x = reads(xs, 1, 0, l_.width), full_y = reads(ys, 1, 0, l_.height), x = reads(xs, f.scale.x, f.shift.x, f.width), y = reads(ys, f.scale.y, f.shift.y, f.height);
     for (std::size_t j = 0; j < ys.size(); ++j)
         for (std::size_t i = 0; i < xs.size(); ++i) {
             const bool on_x = xs[i].at == 0.5 * xs[i].half, on_y = ys[j].at == 0.5 * ys[j].half;
@@ -439,12 +440,12 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) c
     return most;
 }
 
-// The fewest texels that do. The smallest sizes are tried one by one: most charts need no more, and where two or three texels lie along an axis decides more
+// The fewest texels found to do. The smallest sizes are tried one by one: most charts need no more, and where two or three texels lie along an axis decides more
 // than how many they are. Beyond, one that fails speaks for those below it with half its texels or less, and the next to be tried is the one that leaves
-// fewest either way: a chart that stays as it is needs a dozen fits, not hundreds.
+// fewest either way: a large chart needs dozens of fits, not hundreds.
 template <std::size_t kChannels> std::optional<ChartFit> Fitting<kChannels>::coarsest() {
     constexpr int kOneByOne = 6;
-    constexpr double kSpeaksFor = 0.5;   // of its texels
+    constexpr double kSpeaksFor = 0.5;  // of its texels
     constexpr std::size_t kLookAt = 64; // sizes, of those left
     struct Size {
         const Axis *x, *y;

@@ -1,4 +1,4 @@
-// One chart: what its luxels show, and the coarsest grid that shows the same. Private to the stage.
+// One chart: what its luxels show, and the coarsest grid found that shows the same. Private to the stage.
 #pragma once
 #include "compiler/density/density.h"
 #include <optional>
@@ -35,7 +35,7 @@ struct ChartFit {
     std::vector<std::uint8_t> read; // per texel: some face reads it
     double square = 0, weight = 0;  // sum of squares of the change over the scale, and of what it was summed over
 };
-// None: nothing with fewer texels than width * height.
+// None: nothing with fewer texels than width * height was found.
 std::optional<ChartFit> coarsest_fit(const ChartLight& light);
 
 } // namespace kiln

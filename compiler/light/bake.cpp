@@ -184,20 +184,20 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
     // In a corner a luxel gets up to half of its light from the next one on the other wall, most of it from that one's rim.
     const double steep = kSteep * options_.error_percent / 100;
     out.steep.resize(surfaces_.texel_count);
-    parallel_for(context_, surfaces_.charts.size(), [&](std::size_t chart) {
-        const Chart& c = surfaces_.charts[chart];
-        for (std::uint32_t y = 0; y < c.height; ++y)
-            for (std::uint32_t x = 0; x < c.width; ++x) {
-                const std::size_t a = c.texel(x, y);
-                const auto compare = [&](std::size_t b) {
-                    if (!lit[a] || !lit[b]) return;
-                    const double change = std::abs(mean(out.direct[a]) - mean(out.direct[b]));
-                    if (change > steep * mean(out.texel[a])) out.steep[a] = 1;
-                    if (change > steep * mean(out.texel[b])) out.steep[b] = 1;
-                };
-                if (x + 1 < c.width) compare(a + 1);
-                if (y + 1 < c.height) compare(a + c.width);
-            }
+    parallel_chunks(context_, surfaces_.charts.size(), 64, [&](std::size_t begin, std::size_t end) {
+        for (const Chart& c : std::span(surfaces_.charts).subspan(begin, end - begin))
+            for (std::uint32_t y = 0; y < c.height; ++y)
+                for (std::uint32_t x = 0; x < c.width; ++x) {
+                    const std::size_t a = c.texel(x, y);
+                    const auto compare = [&](std::size_t b) {
+                        if (!lit[a] || !lit[b]) return;
+                        const double change = std::abs(mean(out.direct[a]) - mean(out.direct[b]));
+                        if (change > steep * mean(out.texel[a])) out.steep[a] = 1;
+                        if (change > steep * mean(out.texel[b])) out.steep[b] = 1;
+                    };
+                    if (x + 1 < c.width) compare(a + 1);
+                    if (y + 1 < c.height) compare(a + c.width);
+                }
     });
     return out;
 }

@@ -1,4 +1,5 @@
 #include "compiler/light/memo.h"
+#include "libs/core/check.h"
 #include <algorithm>
 #include <atomic>
 
@@ -63,6 +64,7 @@ void Memo::Table::begin() {
 }
 
 void Memo::Table::put(std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value) {
+    KILN_CHECK(!file_);
     Entry e{key, seen, own_.size(), 0, 0};
     own_.insert(own_.end(), parts.begin(), parts.end()), e.value = own_.size();
     own_.insert(own_.end(), value.begin(), value.end()), e.end = own_.size();

@@ -239,8 +239,9 @@ TEST(Relight, OfAMemoIsWrittenWhatIsNew) {
     Bytes damaged = stored;
     damaged[3 * 8 + 4 * 8] = 255, damaged[3 * 8 + 4 * 8 + 5] = 255; // the end of the first entry
     memo = from_bytes<Memo>(damaged);
-    memo.begin();
+    again();
     EXPECT_EQ(value(1000, before), -1);
+    EXPECT_TRUE(memo.tables()[1].bytes().empty());
 }
 
 // Of other options, other geometry, and of nothing that can be.
