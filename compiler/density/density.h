@@ -1,7 +1,7 @@
 // Density: the light of each chart on the coarsest grid of texels that shows the same.
 //
 // The size of luxels that a map asks for is the finest there is. Where light varies less, fewer texels say the same: each
-// chart gets the grid with the fewest texels, chosen along both axes by itself, whose bilinear reconstruction differs from that of
+// chart gets the grid with the fewest texels found, chosen along both axes by itself, whose bilinear reconstruction differs from that of
 // all its luxels by no more than a bound, wherever a face is. A face in even light gets one texel.
 //
 // In       surfaces, lighting: at full density, which both keep; of it the texels (light/shown.h)
