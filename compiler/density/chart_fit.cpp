@@ -39,6 +39,12 @@ Read read_at(double texel, std::uint32_t size) {
     r.at = static_cast<std::uint32_t>(v), r.next = std::min(r.at + 1, size - 1), r.weight = v - r.at;
     return r;
 }
+// At each half luxel along it.
+std::vector<Read> reads_at_half(std::uint32_t vertices, const Axis& a) {
+    std::vector<Read> out;
+    for (std::uint32_t i = 0; i < vertices; ++i) out.push_back(read_at(0.5 * i * a.scale + a.shift, a.n));
+    return out;
+}
 
 // ---- The light at the half luxels
 
@@ -187,11 +193,11 @@ template <std::size_t kChannels> double Fitting<kChannels>::best_possible(const 
         }
     double most = 0;
     std::array<double, kChannels> here{}, between{};
+    const std::vector<Read> across = reads_at_half(vx_, ax), down = reads_at_half(vy_, ay);
     for (std::uint32_t j = 0; j < vy_; ++j) {
-        const Read y = read_at(0.5 * j * ay.scale + ay.shift, ay.n);
         for (std::uint32_t i = 0; i < vx_; ++i) {
             if (!used_[vertex(i, j)]) continue;
-            const Read x = read_at(0.5 * i * ax.scale + ax.shift, ax.n);
+            const Read &x = across[i], &y = down[j];
             const std::array<std::size_t, 4> t{std::size_t{y.at} * ax.n + x.at, std::size_t{y.at} * ax.n + x.next, std::size_t{y.next} * ax.n + x.at, std::size_t{y.next} * ax.n + x.next};
             if (!bound[t[0]] || !bound[t[1]] || !bound[t[2]] || !bound[t[3]]) continue;
             lookup<kChannels>(full.data(), ax.n, x, y, between.data());
@@ -213,9 +219,7 @@ template <std::size_t kChannels> ChartFit Fitting<kChannels>::fit(const Axis& ax
     constexpr int kMostSteps = 60;
     constexpr double kSmall = 1e-3; // of the first residual: whether it will do is measured afterwards
     const std::size_t n = std::size_t{ax.n} * ay.n;
-    std::vector<Read> x(vx_), y(vy_);
-    for (std::uint32_t i = 0; i < vx_; ++i) x[i] = read_at(0.5 * i * ax.scale + ax.shift, ax.n);
-    for (std::uint32_t j = 0; j < vy_; ++j) y[j] = read_at(0.5 * j * ay.scale + ay.shift, ay.n);
+    const std::vector<Read> x = reads_at_half(vx_, ax), y = reads_at_half(vy_, ay);
 
     ChartFit out;
     out.width = ax.n, out.height = ay.n;
@@ -378,18 +382,16 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst_of_blocks(cons
 // The largest change over what is allowed. Both reconstructions are bilinear between the lines through the centres of either, so is
 // what is allowed: the corners of those rectangles are the worst places. Those at half luxels first, which cost least and mostly say enough: what does not do there is not looked at further.
 template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) const {
-    std::vector<Read> at_half;
-    for (std::uint32_t i = 0; i < vx_; ++i) at_half.push_back(read_at(0.5 * i * f.scale.x + f.shift.x, f.width));
+    const std::vector<Read> across = reads_at_half(vx_, {f.width, f.scale.x, f.shift.x}), down = reads_at_half(vy_, {f.height, f.scale.y, f.shift.y});
     double most = 0;
     f.square = f.weight = 0;
     std::array<double, kChannels> full{}, coarse{};
-    for (std::uint32_t j = 0; j < vy_; ++j) {
-        const Read down = read_at(0.5 * j * f.scale.y + f.shift.y, f.height);
+    for (std::uint32_t j = 0; j < vy_; ++j)
         for (std::uint32_t i = 0; i < vx_; ++i) {
             const std::size_t v = vertex(i, j);
             if (!used_[v]) continue;
             std::copy_n(shown_.begin() + static_cast<std::ptrdiff_t>(v * kChannels), kChannels, full.begin());
-            lookup<kChannels>(f.texels.data(), f.width, at_half[i], down, coarse.data());
+            lookup<kChannels>(f.texels.data(), f.width, across[i], down[j], coarse.data());
             for (std::size_t c = 0; c < 3; ++c) {
                 const double off = change(full.data(), coarse.data(), c), relative = off / static_cast<double>(l_.scale[3 * v + c]), weight = used_[v];
                 most = std::max(most, off / static_cast<double>(may_[3 * v + c]));
@@ -397,7 +399,6 @@ template <std::size_t kChannels> double Fitting<kChannels>::worst(ChartFit& f) c
             }
             if (most > kFarOff) return most;
         }
-    }
     if (most > 1) return most;
 
     struct Line {
@@ -469,15 +470,15 @@ template <std::size_t kChannels> std::optional<ChartFit> Fitting<kChannels>::coa
                 if (const std::size_t gone = std::min(static_cast<std::size_t>(fails), left.size() - i); gone > most) next = i, most = gone;
             }
         const Size s = left[next];
+        ChartFit f;
         double ratio = best_possible(*s.x, *s.y);
         if (ratio <= 1.00001) {
-            ChartFit f = fit(*s.x, *s.y);
+            f = fit(*s.x, *s.y);
             ratio = worst(f);
             if (ratio <= 1) ratio = worst_of_blocks(f);
-            if (ratio <= 1) best = std::move(f);
         }
         if (ratio <= 1) {
-            left.resize(next);
+            best = std::move(f), left.resize(next);
             continue;
         }
         left.erase(left.begin() + static_cast<std::ptrdiff_t>(next));
