@@ -12,7 +12,7 @@ namespace {
 using namespace bench;
 namespace fs = std::filesystem;
 
-struct Options {
+struct LightBenchOptions {
     std::vector<std::string> scenes, methods;
     std::vector<double> targets;
     std::string root = ".", output = "build/bench_light", cache, front;
@@ -74,7 +74,7 @@ struct Loaded {
     Compiled compiled;
     std::vector<Light> lights;
 };
-int load(const std::string& map, const Options& o, Console& console, Context& context, Loaded& out) {
+int load(const std::string& map, const LightBenchOptions& o, Console& console, Context& context, Loaded& out) {
     BakeOptions options;
     options.map = map, options.quiet = true, options.threads = o.threads;
     options.compile.bsp.allow_leaks = true; // real maps leak; light is as defined there as elsewhere
@@ -110,7 +110,7 @@ std::vector<FrontPoint> front_of(const LightScene& scene, const Truth& truth, co
     return points;
 }
 
-int compare_front(const Options& o, Console& console, Context& context) {
+int compare_front(const LightBenchOptions& o, Console& console, Context& context) {
     std::vector<FrontPoint> stored, now;
     if (!o.update) {
         const auto bytes = read_file(o.front);
@@ -159,7 +159,7 @@ int compare_front(const Options& o, Console& console, Context& context) {
     return 0;
 }
 
-int run(Options& o) {
+int run(LightBenchOptions& o) {
     Console console;
     console.quiet = true;
     Context context = console.make_context(std::max(1, o.threads));
@@ -238,7 +238,7 @@ Command bench_command(CLI::App& app) {
     app.footer("examples:\n  kiln bench light cornell two_rooms -o build/bench_light\n  kiln bench stability F1 F8 -o build/bench_stability");
     CLI::App* light = app.add_subcommand("light", "Light: error against CPU time, the bake beside other methods");
     light->get_formatter()->column_width(34);
-    auto o = std::make_shared<Options>();
+    auto o = std::make_shared<LightBenchOptions>();
     light->add_option("scenes", o->scenes, fmt::format("Scenes ({}) or map files; default: all, those whose map is not at hand left out", fmt::join(kScenes, ", ")));
     light->add_option("-o,--output", o->output, "Folder for light.csv, light_SCENE.svg and light.html (default build/bench_light)")->type_name("DIR");
     light->add_option("--root", o->root, "The folder that holds maps/ and tools/ (default .)")->type_name("DIR");

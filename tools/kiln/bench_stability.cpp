@@ -12,7 +12,7 @@ namespace {
 
 using namespace bench;
 
-struct Options {
+struct StabilityBenchOptions {
     std::vector<std::string> sweeps;
     std::string output = "build/bench_stability";
     SweepSettings settings;
@@ -26,7 +26,7 @@ std::vector<std::string> known_ids() {
     return ids;
 }
 
-int run(Options& o) {
+int run(StabilityBenchOptions& o) {
     Console console;
     console.quiet = true;
     Context context = console.make_context(std::max(1, o.threads));
@@ -69,7 +69,7 @@ int run(Options& o) {
 Command bench_stability_command(CLI::App& bench) {
     CLI::App* app = bench.add_subcommand("stability", "Sweeps of one parameter each until methods break, the bake beside the others");
     app->get_formatter()->column_width(34);
-    auto o = std::make_shared<Options>();
+    auto o = std::make_shared<StabilityBenchOptions>();
     std::string list;
     for (const SweepName& n : stability_sweeps()) list += fmt::format("  {:<4} {}\n", n.id, n.title);
     app->add_option("sweeps", o->sweeps, fmt::format("Sweeps ({}); default: all", fmt::join(known_ids(), ", ")));

@@ -192,14 +192,14 @@ Rows dump_probes(const Compiled& c) {
 
 Rows dump_vis(const Compiled& c) { return vis_rows(c.merged ? c.merged->visibility : c.visibility); }
 
-constexpr Artefact kArtefacts[] = {
+constexpr Artefact kMapArtefacts[] = {
     {"document", Stage::read, dump_document, "line"}, {"world", Stage::world, dump_world, "material brush entity line"}, {"fragments", Stage::csg, dump_csg, "fragment side brush"},
     {"bsp", Stage::bsp, dump_bsp, "node leaf child cluster area brushes"}, {"portals", Stage::bsp, dump_portals, "portal front back"}, {"vis", Stage::visibility, dump_vis},
     {"faces", Stage::surfaces, dump_faces, "face chart clusters line"}, {"charts", Stage::surfaces, dump_charts, "chart first_texel faces"}, {"curves", Stage::surfaces, dump_curves, "curve source first_face line"}, {"overlays", Stage::surfaces, dump_overlays, "overlay fragment face line"}, {"lights", Stage::light, dump_lights, "light entity"},
     {"patches", Stage::light, dump_patches, "patch face"}, {"cubes", Stage::ambient, dump_cubes, "cube local_lights"}, {"probes", Stage::probes, dump_probes, "probe entity"},
 };
 std::vector<Artefact> artefacts() {
-    std::vector<Artefact> all(std::begin(kArtefacts), std::end(kArtefacts));
+    std::vector<Artefact> all(std::begin(kMapArtefacts), std::end(kMapArtefacts));
     all.insert(all.end(), geometry_artefacts().begin(), geometry_artefacts().end());
     return all;
 }

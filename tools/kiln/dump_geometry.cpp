@@ -217,7 +217,7 @@ Rows dump_cordons(const Compiled& c) {
     return rows;
 }
 
-constexpr Artefact kArtefacts[] = {
+constexpr Artefact kGeometryArtefacts[] = {
     {"cordons", Stage::read, dump_cordons, "line"},
     {"displacements", Stage::world, dump_displacements, "line"},
     {"patch_grids", Stage::world, dump_patch_grids, "line"},
@@ -241,6 +241,6 @@ constexpr Artefact kArtefacts[] = {
 
 } // namespace
 
-std::span<const Artefact> geometry_artefacts() { return kArtefacts; }
+std::span<const Artefact> geometry_artefacts() { return kGeometryArtefacts; }
 
 } // namespace kiln

@@ -330,7 +330,7 @@ Rows dump_patch_grids(const kiln_level* l) {
     return rows;
 }
 
-constexpr LevelArtefact kArtefacts[] = {
+constexpr LevelArtefact kLevelArtefacts[] = {
     {"planes", dump_planes, "plane"},       {"nodes", dump_nodes, "node plane child"},
     {"leaves", dump_leaves, "leaf cluster area probe brushes faces"}, {"portals", dump_portals, "portal leaf plane"},
     {"vis", dump_vis},                      {"brushes", dump_brushes, "index line"},
@@ -347,6 +347,6 @@ constexpr LevelArtefact kArtefacts[] = {
 
 } // namespace
 
-std::span<const LevelArtefact> level_artefacts() { return kArtefacts; }
+std::span<const LevelArtefact> level_artefacts() { return kLevelArtefacts; }
 
 } // namespace kiln

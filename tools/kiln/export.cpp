@@ -11,7 +11,7 @@
 namespace kiln {
 namespace {
 
-struct Options {
+struct ExportOptions {
     BakeOptions bake;
     std::string output, stage = "faces";
     double scale = 1.0 / 40;
@@ -19,12 +19,12 @@ struct Options {
 
 std::string file_name(const std::string& path) { return std::filesystem::path(path).filename().string(); }
 
-Result<bool> write_obj_files(const Options& o, const ObjExport& made) {
+Result<bool> write_obj_files(const ExportOptions& o, const ObjExport& made) {
     const std::string library = stem_of(o.output) + ".mtl";
     if (auto r = write_file(library, write_mtl(made.materials)); !r) return r;
     return write_file(o.output, write_obj(made.polygons, file_name(library), fmt::format("{} of {}; map units, +z up", o.stage, file_name(o.bake.map))));
 }
-Result<bool> write_gltf_files(const Options& o, const GltfScene& scene) {
+Result<bool> write_gltf_files(const ExportOptions& o, const GltfScene& scene) {
     if (o.output.ends_with(".glb")) return write_file(o.output, write_glb(scene));
     const std::string bin = stem_of(o.output) + ".bin";
     const GltfFiles files = write_gltf(scene, file_name(bin));
@@ -33,7 +33,7 @@ Result<bool> write_gltf_files(const Options& o, const GltfScene& scene) {
     return write_file(o.output, files.json);
 }
 
-Result<bool> export_level(const Options& o, const ObjStage& stage, bool obj) {
+Result<bool> export_level(const ExportOptions& o, const ObjStage& stage, bool obj) {
     const auto file = open_level(o.bake.map);
     if (!file) return file.fault();
     const kiln_level* level = file->level.get();
@@ -60,7 +60,7 @@ Result<bool> export_level(const Options& o, const ObjStage& stage, bool obj) {
 } // namespace
 
 Command export_command(CLI::App& app) {
-    auto o = std::make_shared<Options>();
+    auto o = std::make_shared<ExportOptions>();
     o->bake.add_to(app);
     app.get_option("map")->description("The map (.vmf, .vmm, .map), or a level file");
     app.add_option("-o,--output", o->output, "FILE.obj (and .mtl), FILE.gltf (and .bin) or FILE.glb; lightmaps of a level as FILE.lightmapN.exr beside a glTF")->required()->type_name("FILE");

@@ -10,7 +10,7 @@
 namespace kiln {
 namespace {
 
-struct Options {
+struct ImageOptions {
     std::string level, output, view, show = "shaded", false_colour, atlas;
     std::vector<double> eye, look, size, angles, vis;
     std::vector<std::string> materials_dirs;
@@ -86,7 +86,7 @@ Result<bool> write_picture(const std::string& path, const Image& image, bool rad
 
 class Painter {
 public:
-    Painter(const Options& options, const kiln_level* level, Console& console, Context& context) : o_(options), level_(level), console_(console), context_(context) {}
+    Painter(const ImageOptions& options, const kiln_level* level, Console& console, Context& context) : o_(options), level_(level), console_(console), context_(context) {}
 
     int camera(const Camera& camera, Show show, const std::string& path) {
         CameraOptions c;
@@ -155,7 +155,7 @@ public:
     }
 
 private:
-    const Options& o_;
+    const ImageOptions& o_;
     const kiln_level* level_;
     Console& console_;
     Context& context_;
@@ -164,7 +164,7 @@ private:
 } // namespace
 
 Command image_command(CLI::App& app) {
-    auto o = std::make_shared<Options>();
+    auto o = std::make_shared<ImageOptions>();
     const CLI::Range place(-1e6, 1e6); // map units, or degrees; no nan
     app.add_option("level", o->level, "The level file")->required();
     app.add_option("-o,--output", o->output, "Picture: .png (tone mapped) or .exr (linear); default: beside the level")->type_name("FILE");

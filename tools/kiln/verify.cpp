@@ -9,7 +9,7 @@
 namespace kiln {
 namespace {
 
-struct Options {
+struct VerifyCommand {
     BakeOptions bake;
     VerifyOptions verify;
     std::string until = "surfaces";
@@ -18,7 +18,7 @@ struct Options {
 };
 
 // What was made, whether it belongs together or not; the stages in the order of the way.
-void verify_map(const Compiled& c, const Options& o, Checker& checker) {
+void verify_map(const Compiled& c, const VerifyCommand& o, Checker& checker) {
     const auto made = [&](Stage stage) {
         return std::ranges::any_of(c.stages, [&](const StageReport& s) { return s.name == kStageNames[static_cast<std::size_t>(stage)]; });
     };
@@ -44,7 +44,7 @@ std::string table(const Checker& checker) {
 }
 
 // `told`: before the findings of the checks.
-nlohmann::ordered_json to_json(const Options& o, const Checker& checker, const Compiled& c, std::span<const Diagnostic> told, int code) {
+nlohmann::ordered_json to_json(const VerifyCommand& o, const Checker& checker, const Compiled& c, std::span<const Diagnostic> told, int code) {
     nlohmann::ordered_json j = {{"file", o.bake.map}, {"exit", code}, {"failures", checker.failures()}, {"leak", c.leak.has_value()}};
     j["checks"] = nlohmann::json::array();
     for (const Check& check : checker.checks()) {
@@ -74,7 +74,7 @@ nlohmann::ordered_json to_json(const Options& o, const Checker& checker, const C
 } // namespace
 
 Command verify_command(CLI::App& app) {
-    auto o = std::make_shared<Options>();
+    auto o = std::make_shared<VerifyCommand>();
     o->bake.add_to(app);
     app.get_option("map")->description("The map (.vmf, .vmm, .map), or a level file");
     app.add_option("--until", o->until, "Of a map: run and check the stages up to this (default surfaces)")->check(CLI::IsMember({"read", "world", "csg", "bsp", "surfaces", "visibility"}))->type_name("STAGE");

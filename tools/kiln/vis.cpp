@@ -12,10 +12,10 @@
 namespace kiln {
 namespace {
 
-std::string as_text(const Json& j, const std::string& indent = "") {
+std::string indented_text(const Json& j, const std::string& indent = "") {
     std::string out;
     for (const auto& [key, value] : j.items()) {
-        if (value.is_object()) out += fmt::format("{}{}\n{}", indent, key, as_text(value, indent + "  "));
+        if (value.is_object()) out += fmt::format("{}{}\n{}", indent, key, indented_text(value, indent + "  "));
         else if (!value.is_array() || !value.empty())
             out += fmt::format("{}{:<16} {}\n", indent, key, value.is_string() ? value.get<std::string>() : value.is_number_float() ? fmt::format("{:.2f}", value.get<double>())  : value.is_array() ? fmt::format("{}", value.size()) : value.dump());
     }
@@ -159,7 +159,7 @@ Command vis_command(CLI::App& app) {
             if (in.size() > shown.cluster_count) file.leaf_cluster = in;
             if (const auto written = write_file(o->prt, write_portal_file(file)); !written) return console.fail(written.fault());
         }
-        if (const int code = print_output(o->json ? j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n" : as_text(j)); code != 0) return code;
+        if (const int code = print_output(o->json ? j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n" : indented_text(j)); code != 0) return code;
         return console.verdict(context);
     };
 }
