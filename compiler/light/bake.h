@@ -329,6 +329,8 @@ private:
     std::vector<std::uint8_t> new_;                               // per patch: gathered since neighbours were last asked
     std::vector<std::uint8_t> beside_;                            // per luxel: bits of those at x + 1, x - 1, y + 1, y - 1 that go on from it
     std::vector<float> left_;                                     // per luxel: share of the variance that neighbours leave
+    std::vector<float> spike_;                                    // per luxel: share of its light that is spread over its neighbours
+    std::vector<float> spread_variance_;                          // per luxel: variance that spikes have brought it, summed over the normals
     std::vector<std::uint32_t> rays_;          // per patch: gathered rays of its luxels
     std::vector<double> noise_, noise_weight_; // per patch: relative variance of a single ray, as passes showed it
     // With a memo: that of the patches as they are, what every key begins with, and what a place's light is a function of.

@@ -26,6 +26,7 @@ struct PatchGather { // what a memo keeps of the luxels of a patch
     std::vector<std::uint32_t> met;
     template <class A> void fields(A& a) { a(luxels, met); }
 };
+constexpr double kLeastDetermination = 0.75;     // coefficient of determination from which the control of a bundle counts, in full at 1
 constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to the minus this
 } // namespace
 
@@ -253,7 +254,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     // Besides the sums, what a regression on the known integral of the kernels needs (unit radiance as control).
     std::array<double, 4> unit{};
     Rgbd cross_sum;
-    double unit_square = 0;
+    double unit_square = 0, own_square = 0;
     std::array<KernelSum, 4> quarter{};
     std::array<std::array<double, 4>, 4> unit_quarter{};
     std::vector<PaneHit> panes; // of a ray
@@ -291,6 +292,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         for (std::size_t j = 0; j < 4; ++j) unit_quarter[i * 4 / rays][j] += w * k[j];
         unit_square += w * k[0] * w * k[0];
         cross_sum += radiance * (w * k[0] * w * k[0]);
+        own_square += mean(radiance) * w * k[0] * mean(radiance) * w * k[0];
     }
     const double n = rays;
     for (std::size_t q = 0; q < 4; ++q) {
@@ -298,11 +300,13 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         for (std::size_t j = 0; j < 4; ++j) unit[j] += unit_quarter[q][j] / n, unit_quarter[q][j] *= 4 / n;
     }
     out.sum *= 1 / n;
-    // Control variate: E = mean(L w) - beta (mean(w) - pi), beta by regression. Where all radiance is alike the
-    // result is exact; where the guide has done its work beta is near zero by itself.
-    const double spread = unit_square / n - unit[0] * unit[0];
-    if (const double lean = dot(kernel.frame.n, normal); spread > 1e-9 && lean > 0) {
-        const Rgbd beta = (cross_sum / n - out.sum.flat * unit[0]) / spread;
+    // Control variate: E = mean(L w) - beta (mean(w) - pi), beta by regression, as far as the two go together: where all radiance is alike the result is exact,
+    // below a correlation that tells three quarters of the spread nothing is taken off. The slope of a few rays is noise too, the same in all quarters: none tells of it.
+    const double spread = unit_square / n - unit[0] * unit[0], lean = dot(kernel.frame.n, normal);
+    const double covariance = mean(cross_sum) / n - mean(out.sum.flat) * unit[0], own = own_square / n - mean(out.sum.flat) * mean(out.sum.flat);
+    const double determination = own * spread > 0 ? std::min(1.0, covariance * covariance / (own * spread)) : 1;
+    if (spread > 1e-9 && lean > 0 && determination > kLeastDetermination) {
+        const Rgbd beta = (cross_sum / n - out.sum.flat * unit[0]) * ((determination - kLeastDetermination) / (determination * (1 - kLeastDetermination)) / spread);
         const std::array<double, 4> exact = kernel.integrals();
         // Of the shading normal's hemisphere the face hides a part; that of directional kernels then has no closed form: they take their share of the
         // flat one's.

@@ -1,7 +1,7 @@
 // What neighbouring luxels tell of each other's gathered light.
 //
 // In       of each luxel what its rays gathered, and how noisy that is
-// Out      the same drawn towards the plane through its neighbours, as far as these lie on one but for their noise
+// Out      the same, what stands out of its neighbours by noise spread over these, drawn towards the plane through them, as far as they lie on one but for their noise
 // Source   C. Stein, "Inadmissibility of the usual estimator for the mean of a multivariate normal distribution", 1956; B. Efron and C. Morris,
 //          "Limiting the risk of Bayes and empirical Bayes estimators", J. American Statistical Association 67 (1972): NOTES.md
 #include "compiler/light/bake.h"
@@ -11,9 +11,11 @@ namespace kiln {
 namespace {
 
 constexpr int kReach = 3;          // luxels; windows of 3, 5 and 7 are tried
-constexpr int kReads = kReach + 1; // of what is in a window, the mean of noise beside it
+constexpr int kSpikeReach = 2;     // luxels around one that tell a spike, and that it is spread over
+constexpr int kReads = kReach + 1 + 2 * kSpikeReach; // of what is in a window, the mean of noise beside it; of either, spikes that reach it, and what tells these
 constexpr int kSide = 2 * kReach + 1;
 constexpr double kFarthest = 3; // standard deviations of the noise that a luxel is moved at most
+static_assert(kSpikeReach <= kReach);
 constexpr std::size_t cell(int dx, int dy) {
     return static_cast<std::size_t>((dy + kReach) * kSide + dx + kReach);
 }
@@ -46,10 +48,82 @@ bool inverse(const std::array<double, 6>& m, std::array<double, 6>& out) {
     return true;
 }
 
+// The luxels around one.
+class Neighbourhood {
+public:
+    // left_to_rays: per patch.
+    Neighbourhood(const Surfaces& surfaces, const std::vector<std::uint32_t>& patch, const std::vector<std::uint8_t>& beside, const std::vector<std::uint8_t>& gathered,
+                  std::vector<std::uint64_t> left_to_rays)
+        : surfaces_(surfaces), patch_(patch), beside_(beside), at_texel_(surfaces.texel_count, UINT32_MAX), left_to_rays_(std::move(left_to_rays)) {
+        for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l)
+            if (gathered[l]) at_texel_[texel_of(surfaces, surfaces.luxels[l])] = l;
+    }
+    std::span<const std::uint32_t> at_texel() const { return at_texel_; }
+    std::span<const std::uint64_t> left_to_rays() const { return left_to_rays_; }
+    // The luxel that many luxels away; UINT32_MAX where that is not there or is left other light.
+    std::uint32_t near(std::uint32_t l, int dx, int dy) const {
+        const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
+        const int x = surfaces_.luxels[l].x + dx, y = surfaces_.luxels[l].y + dy;
+        if (x < 0 || y < 0 || x >= static_cast<int>(chart.width) || y >= static_cast<int>(chart.height)) return UINT32_MAX;
+        const std::uint32_t q = at_texel_[chart.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y))];
+        return q == UINT32_MAX || left_to_rays_[patch_[q]] != left_to_rays_[patch_[l]] ? UINT32_MAX : q;
+    }
+    // What is come to from luxel to luxel, not through walls; itself first.
+    struct Window {
+        std::array<std::uint32_t, kSide * kSide> luxel;
+        std::array<std::array<int, 2>, kSide * kSide> step; // from the one in the middle
+        std::size_t count = 1;
+    };
+    void window(std::uint32_t l, int reach, Window& out) const {
+        std::array<bool, kSide * kSide> there{};
+        there[cell(0, 0)] = true;
+        out.luxel[0] = l, out.step[0] = {0, 0}, out.count = 1;
+        for (std::size_t i = 0; i < out.count; ++i)
+            for (std::size_t s = 0; s < kBeside.size(); ++s) {
+                const int dx = out.step[i][0] + kBeside[s][0], dy = out.step[i][1] + kBeside[s][1];
+                if (std::max(std::abs(dx), std::abs(dy)) > reach || there[cell(dx, dy)] || !(beside_[out.luxel[i]] >> s & 1)) continue;
+                if (const std::uint32_t q = near(l, dx, dy); q != UINT32_MAX) there[cell(dx, dy)] = true, out.luxel[out.count] = q, out.step[out.count++] = {dx, dy};
+            }
+    }
+
+private:
+    const Surfaces& surfaces_;
+    const std::vector<std::uint32_t>& patch_;
+    const std::vector<std::uint8_t>& beside_;
+    std::vector<std::uint32_t> at_texel_;
+    std::vector<std::uint64_t> left_to_rays_;
+};
+
+// What luminance v of a luxel is too much, given that around it and the standard deviation that its own rays tell: a spike (a firefly), which few of its rays have brought
+// from a small bright spot that those of the luxels around have missed. Those must agree, and its own rays not, by as much: a luxel that is bright in truth is so to most of its rays.
+template <class V> double excess_of_spike(const Neighbourhood::Window& window, const V& v, double noise) {
+    constexpr std::size_t kFewest = 8;
+    constexpr double kStandsOut = 3 * 1.4826; // median absolute deviations of the others: three standard deviations, were these normal
+    constexpr double kRaysApart = 3;          // standard deviations of its own rays: one that brought all is 1.35 of them, three that did so alike are 4
+    const std::size_t others = window.count - 1;
+    if (others < kFewest) return 0;
+    std::array<double, kSide * kSide> light, away;
+    for (std::size_t i = 0; i < others; ++i) light[i] = v(window.luxel[i + 1]);
+    const auto median = [others](std::array<double, kSide * kSide>& of) {
+        const auto middle = of.begin() + static_cast<std::ptrdiff_t>(others / 2);
+        std::nth_element(of.begin(), middle, of.begin() + static_cast<std::ptrdiff_t>(others));
+        return *middle;
+    };
+    const double middle = median(light), excess = v(window.luxel[0]) - middle;
+    std::size_t alike = 0;
+    for (std::size_t i = 0; i < others; ++i) away[i] = std::abs(light[i] - middle), alike += static_cast<std::size_t>(light[i] > middle + excess / 2);
+    return 6 * alike <= others && excess > kStandsOut * median(away) && excess < kRaysApart * noise ? excess : 0;
+}
+
+// What spikes bring from elsewhere is no variance of the luxel's own rays: more of these would not help.
+float share_left(double left, double of) {
+    return of > left ? static_cast<float>(left / of) : 1;
+}
+
 struct Smoothed { // what a memo keeps of a luxel
     static constexpr bool kRawBytes = true;
     StoredSum sum;
-    float left = 1;
+    float left = 1, spread_variance = 0;
 };
 
 } // namespace
@@ -81,7 +155,7 @@ void Bake::store_luxels() {
         const std::array<Rgbd, 4> shown = kernel.shown(sum);
         double error = 0;
         for (std::size_t j = 0; j < kernel.shown_count(); ++j)
-            if (const double e = mean(shown[j]); e > 0) error = std::max(error, kQuarterSpread * std::sqrt(gathered_variance_[l][j] * static_cast<double>(left_[l])) / e); // at most
+            if (const double e = mean(shown[j]); e > 0) error = std::max(error, kQuarterSpread * std::sqrt(gathered_variance_[l][j] * static_cast<double>(left_[l]) + static_cast<double>(spread_variance_[l]) / static_cast<double>(kernel.shown_count())) / e); // at most
         out_.texel_error[texel] = static_cast<float>(error);
         if (kernel.cone) out_.rnm[out_.rnm_first[luxel.chart.at()] + (texel - chart.first_texel)] = kernel.finish(sum);
     });
@@ -135,10 +209,9 @@ void Bake::smooth() {
     const std::size_t luxels = surfaces_.luxels.size();
     // Where nothing within reach was gathered anew, all is as it was. (Lists change only where patches are done again.)
     const std::vector<std::uint8_t> stirred = within_reach_of_new();
-    smoothed_.resize(luxels), left_.resize(luxels, 1);
+    smoothed_.resize(luxels), left_.resize(luxels, 1), spike_.resize(luxels), spread_variance_.resize(luxels);
     for (std::size_t l = 0; l < luxels; ++l)
         if (stirred[l]) left_[l] = 1;
-    std::vector<std::uint32_t> at_texel(surfaces_.texel_count, UINT32_MAX);
     // What was left to the rays of a patch: light of an emitter with rays of its own is not in what they gathered.
     std::vector<std::uint64_t> left_to_rays;
     for (const std::vector<LightRef>& list : lists_) {
@@ -147,52 +220,76 @@ void Bake::smooth() {
             if (ref.is_emitter) hash = mix(hash, ref.light + 1);
         left_to_rays.push_back(hash);
     }
-    // Luminance of what is shown; its variance, summed over the normals, as its own rays tell it, and as those of the luxels around tell it: by its own alone a luxel
-    // that has met a bright spot would be moved far down, one that has missed it not at all up.
+    const Neighbourhood around(surfaces_, luxel_patch_, beside_, gathered_there_, std::move(left_to_rays));
+    // Luminance of what is shown; its variance, summed over the normals, as its own rays tell it.
     std::vector<std::array<double, 4>> shown(luxels);
-    std::vector<double> own_variance(luxels), variance(luxels);
+    std::vector<double> own_variance(luxels);
     each_gathered([&](std::uint32_t l) {
-        at_texel[texel_of(surfaces_, surfaces_.luxels[l])] = l;
         const LuxelKernel kernel = kernel_of(l);
         const std::array<Rgbd, 4> all = kernel.shown(gathered_[l]);
         for (std::size_t j = 0; j < kernel.shown_count(); ++j) shown[l][j] = mean(all[j]), own_variance[l] += gathered_variance_[l][j];
     });
-    // The luxel that many luxels away; none where that is not there or is left other light.
-    const auto near = [&](std::uint32_t l, int dx, int dy) {
-        const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
-        const int x = surfaces_.luxels[l].x + dx, y = surfaces_.luxels[l].y + dy;
-        if (x < 0 || y < 0 || x >= static_cast<int>(chart.width) || y >= static_cast<int>(chart.height)) return UINT32_MAX;
-        const std::uint32_t q = at_texel[chart.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y))];
-        return q == UINT32_MAX || left_to_rays[luxel_patch_[q]] != left_to_rays[luxel_patch_[l]] ? UINT32_MAX : q;
-    };
+    // Spikes are no less light for standing out, but as likely that of all around: they are spread, none is lost.
     each_gathered([&](std::uint32_t l) {
-        double sum = 0, count = 0;
+        if (!stirred[l]) return;
+        spike_[l] = 0;
+        int darker = 0, beside = 0;
+        for (std::size_t s = 0; s < kBeside.size(); ++s)
+            if (const std::uint32_t q = beside_[l] >> s & 1 ? around.near(l, kBeside[s][0], kBeside[s][1]) : UINT32_MAX; q != UINT32_MAX) ++beside, darker += shown[q][0] < shown[l][0];
+        if (2 * darker <= beside) return; // most are not worth a closer look
+        Neighbourhood::Window window;
+        around.window(l, kSpikeReach, window);
+        spike_[l] = static_cast<float>(excess_of_spike(window, [&](std::uint32_t q) { return shown[q][0]; }, std::sqrt(gathered_variance_[l][0])) / shown[l][0]);
+    });
+    std::vector<std::uint32_t> spread_at(luxels, UINT32_MAX); // those that one has reached
+    std::vector<KernelSum> spread;
+    std::vector<double> calm_variance = own_variance, spread_variance(luxels); // summed over the normals; the second: what spikes bring
+    for (std::uint32_t l = 0; l < luxels; ++l)
+        if (spike_[l] > 0) {
+            Neighbourhood::Window window;
+            around.window(l, kSpikeReach, window);
+            double noise = 0, count = 0;
+            for (std::size_t i = 1; i < window.count; ++i)
+                if (!(spike_[window.luxel[i]] > 0)) noise += own_variance[window.luxel[i]], ++count;
+            calm_variance[l] = count > 0 ? noise / count : 0;
+            const auto weight = [&](std::size_t i) { return falls_off(window.step[i][0], window.step[i][1], kSpikeReach); };
+            const auto area = [&](std::uint32_t q) { return surfaces_.luxels[q].area * luxel_area(surfaces_, surfaces_.luxels[q].face); };
+            double all = 0;
+            for (std::size_t i = 0; i < window.count; ++i) all += weight(i) * area(window.luxel[i]);
+            for (std::size_t i = 0; i < window.count; ++i) {
+                const std::uint32_t q = window.luxel[i];
+                if (spread_at[q] == UINT32_MAX) spread_at[q] = static_cast<std::uint32_t>(spread.size()), spread.push_back(gathered_[q]);
+                const double share = static_cast<double>(spike_[l]) * weight(i) * area(l) / all;
+                KernelSum part = gathered_[l];
+                spread[spread_at[q]] += part *= i == 0 ? share - static_cast<double>(spike_[l]) : share;
+                spread_variance[q] += share * share * own_variance[l];
+            }
+        }
+    const auto calm = [&](std::uint32_t l) -> const KernelSum& { return spread_at[l] == UINT32_MAX ? gathered_[l] : spread[spread_at[l]]; };
+    // Variance as the luxels around tell it, too: by its own alone a luxel that has met a bright spot would be moved far down, one that has missed it not at all up.
+    std::vector<double> variance(luxels), gathered_by_all(luxels); // with spikes spread; of what was gathered
+    each_gathered([&](std::uint32_t l) {
+        if (spread_at[l] != UINT32_MAX) {
+            const LuxelKernel kernel = kernel_of(l);
+            const std::array<Rgbd, 4> all = kernel.shown(calm(l));
+            for (std::size_t j = 0; j < kernel.shown_count(); ++j) shown[l][j] = mean(all[j]);
+        }
+        double sum = 0, of_all = 0, count = 0;
         for (int dy = -1; dy <= 1; ++dy)
             for (int dx = -1; dx <= 1; ++dx)
-                if (const std::uint32_t q = near(l, dx, dy); q != UINT32_MAX && luxel_patch_[q] == luxel_patch_[l]) sum += own_variance[q], ++count;
-        variance[l] = sum / count;
+                if (const std::uint32_t q = around.near(l, dx, dy); q != UINT32_MAX && luxel_patch_[q] == luxel_patch_[l]) sum += calm_variance[q] + spread_variance[q], of_all += own_variance[q], ++count;
+        variance[l] = sum / count, gathered_by_all[l] = of_all / count;
     });
     const auto draw = [&]<std::size_t kValues>(std::uint32_t l) {
         // Where no ray met anything, light is none, not little.
         const bool dark = !(shown[l][0] > 0 || shown[l][1] > 0 || shown[l][2] > 0 || shown[l][3] > 0);
         if (dark || !(variance[l] > 0)) return;
-        // Its window: what is come to from luxel to luxel, not through walls.
-        std::array<std::uint32_t, kSide * kSide> window;
-        window.fill(UINT32_MAX);
-        window[cell(0, 0)] = l;
-        std::array<std::array<int, 2>, kSide * kSide> todo{};
-        std::size_t known = 1;
-        for (std::size_t i = 0; i < known; ++i)
-            for (std::size_t s = 0; s < kBeside.size(); ++s) {
-                const int dx = todo[i][0] + kBeside[s][0], dy = todo[i][1] + kBeside[s][1];
-                if (std::max(std::abs(dx), std::abs(dy)) > kReach || window[cell(dx, dy)] != UINT32_MAX || !(beside_[window[cell(todo[i][0], todo[i][1])]] >> s & 1)) continue;
-                const std::uint32_t q = near(l, dx, dy);
-                if (q != UINT32_MAX) window[cell(dx, dy)] = q, todo[known++] = {dx, dy};
-            }
+        Neighbourhood::Window window;
+        around.window(l, kReach, window);
         std::array<Fit<kValues>, kReach> fits{};
-        for (std::size_t i = 0; i < known; ++i) {
-            const auto [dx, dy] = todo[i];
-            const std::uint32_t q = window[cell(dx, dy)];
+        for (std::size_t i = 0; i < window.count; ++i) {
+            const auto [dx, dy] = window.step[i];
+            const std::uint32_t q = window.luxel[i];
             std::array<double, kValues> v{}; // less its own: what they have in common costs digits
             for (std::size_t j = 0; j < kValues; ++j) v[j] = shown[q][j] - shown[l][j];
             for (int r = 1; r <= kReach; ++r)
@@ -222,12 +319,12 @@ void Bake::smooth() {
         if (!reach) return;
         KernelSum plane;
         std::array<double, kValues> moved{};
-        for (std::size_t i = 0; i < known; ++i) {
-            const auto [dx, dy] = todo[i];
+        for (std::size_t i = 0; i < window.count; ++i) {
+            const auto [dx, dy] = window.step[i];
             const double a = falls_off(dx, dy, reach) * (row[0] + row[1] * dx + row[2] * dy);
             if (a == 0) continue;
-            const std::uint32_t q = window[cell(dx, dy)];
-            KernelSum part = gathered_[q];
+            const std::uint32_t q = window.luxel[i];
+            KernelSum part = calm(q);
             plane += part *= a;
             for (std::size_t j = 0; j < kValues; ++j) moved[j] += a * (shown[q][j] - shown[l][j]);
         }
@@ -237,7 +334,7 @@ void Bake::smooth() {
         if (const double most = kFarthest * std::sqrt(variance[l]), way = share * std::sqrt(far); way > most) share *= most / way;
         smoothed_[l] *= 1 - share;
         smoothed_[l] += plane *= share;
-        left_[l] = static_cast<float>(best / variance[l]);
+        left_[l] = share_left(best, gathered_by_all[l]);
     };
     constexpr std::size_t kPart = 64;
     const std::size_t n = patches_.patches.size();
@@ -245,7 +342,7 @@ void Bake::smooth() {
         for (auto p = static_cast<std::uint32_t>(part * kPart); p < std::min(n, (part + 1) * kPart); ++p) {
             const std::span<const std::uint32_t> all = std::span(patch_luxels_).subspan(patch_luxel_first_[p], patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
             if (std::ranges::none_of(all, [&](std::uint32_t l) { return stirred[l] && gathered_there_[l]; })) continue;
-            const std::uint64_t key = memo_ ? smooth_key(p, at_texel, left_to_rays) : 0;
+            const std::uint64_t key = memo_ ? smooth_key(p, around.at_texel(), around.left_to_rays()) : 0;
             std::vector<Smoothed> now;
             if (const auto kept = memo_ ? memo_->smooth.find(key, {}) : std::nullopt) {
                 now = from_bytes<std::vector<Smoothed>>(*kept);
@@ -254,15 +351,15 @@ void Bake::smooth() {
                 for (std::size_t k = 0; k < all.size(); ++k) {
                     const std::uint32_t l = all[k];
                     if (!gathered_there_[l]) continue;
-                    smoothed_[l] = gathered_[l], left_[l] = 1;
+                    smoothed_[l] = calm(l), left_[l] = share_left(variance[l], gathered_by_all[l]);
                     if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l);
                     else draw.template operator()<1>(l);
-                    now[k] = {StoredSum(smoothed_[l]), left_[l]};
+                    now[k] = {StoredSum(smoothed_[l]), left_[l], static_cast<float>(spread_variance[l])};
                 }
                 if (memo_) memo_->smooth.keep(key, {}, {}, to_bytes(now));
             }
             for (std::size_t k = 0; k < all.size(); ++k)
-                if (gathered_there_[all[k]]) smoothed_[all[k]] = now[k].sum.sum(), left_[all[k]] = now[k].left;
+                if (gathered_there_[all[k]]) smoothed_[all[k]] = now[k].sum.sum(), left_[all[k]] = now[k].left, spread_variance_[all[k]] = now[k].spread_variance;
         }
     });
 }
