@@ -115,6 +115,44 @@ template <class V> double excess_of_spike(const Neighbourhood::Window& window, c
     return 6 * alike <= others && excess > kStandsOut * median(away) && excess < kRaysApart * noise ? excess : 0;
 }
 
+// What luxels gathered, each spike spread over the window around it: the power stays.
+class Calmed {
+public:
+    Calmed(const Surfaces& surfaces, const Neighbourhood& around, const std::vector<float>& spike, const std::vector<KernelSum>& gathered, const std::vector<double>& variance)
+        : own_variance(variance), brought_variance(variance.size()), gathered_(gathered), at_(gathered.size(), UINT32_MAX) {
+        for (std::uint32_t l = 0; l < gathered.size(); ++l)
+            if (spike[l] > 0) spread(surfaces, around, spike, variance, l);
+    }
+    bool touched(std::uint32_t l) const { return at_[l] != UINT32_MAX; }
+    const KernelSum& sum(std::uint32_t l) const { return touched(l) ? spread_[at_[l]] : gathered_[l]; }
+    std::vector<double> own_variance, brought_variance; // per luxel, summed over the normals: of its own rays, less its spike; by spikes
+
+private:
+    void spread(const Surfaces& surfaces, const Neighbourhood& around, const std::vector<float>& spike, const std::vector<double>& variance, std::uint32_t l) {
+        Neighbourhood::Window window;
+        around.window(l, kSpikeReach, window);
+        double noise = 0, count = 0;
+        for (std::size_t i = 1; i < window.count; ++i)
+            if (!(spike[window.luxel[i]] > 0)) noise += variance[window.luxel[i]], ++count;
+        own_variance[l] = count > 0 ? noise / count : 0;
+        const auto area = [&](std::uint32_t q) { return surfaces.luxels[q].area * luxel_area(surfaces, surfaces.luxels[q].face); };
+        const auto weight = [&](std::size_t i) { return falls_off(window.step[i][0], window.step[i][1], kSpikeReach); };
+        double all = 0;
+        for (std::size_t i = 0; i < window.count; ++i) all += weight(i) * area(window.luxel[i]);
+        for (std::size_t i = 0; i < window.count; ++i) {
+            const std::uint32_t q = window.luxel[i];
+            if (!touched(q)) at_[q] = static_cast<std::uint32_t>(spread_.size()), spread_.push_back(gathered_[q]);
+            const double much = static_cast<double>(spike[l]), share = much * weight(i) * area(l) / all;
+            KernelSum part = gathered_[l];
+            spread_[at_[q]] += part *= i == 0 ? share - much : share;
+            brought_variance[q] += share * share * variance[l];
+        }
+    }
+    const std::vector<KernelSum>& gathered_;
+    std::vector<std::uint32_t> at_; // of a luxel that a spike has reached, in spread_
+    std::vector<KernelSum> spread_;
+};
+
 // What spikes bring from elsewhere is no variance of the luxel's own rays: more of these would not help.
 float share_left(double left, double of) {
     return of > left ? static_cast<float>(left / of) : 1;
@@ -161,7 +199,7 @@ void Bake::store_luxels() {
     });
 }
 
-// Luxels that read one, through their window or through the mean of noise beside what is in it, whose patch was gathered since the last time.
+// Luxels that read one (its light, noise or spikes: kReads) whose patch was gathered since the last time.
 std::vector<std::uint8_t> Bake::within_reach_of_new() {
     const std::vector<Luxel>& luxels = surfaces_.luxels;
     std::vector<std::uint8_t> out(luxels.size());
@@ -211,7 +249,7 @@ void Bake::smooth() {
     const std::vector<std::uint8_t> stirred = within_reach_of_new();
     smoothed_.resize(luxels), left_.resize(luxels, 1), spike_.resize(luxels), spread_variance_.resize(luxels);
     for (std::size_t l = 0; l < luxels; ++l)
-        if (stirred[l]) left_[l] = 1;
+        if (stirred[l]) left_[l] = 1, spike_[l] = 0;
     // What was left to the rays of a patch: light of an emitter with rays of its own is not in what they gathered.
     std::vector<std::uint64_t> left_to_rays;
     for (const std::vector<LightRef>& list : lists_) {
@@ -232,7 +270,6 @@ void Bake::smooth() {
     // Spikes are no less light for standing out, but as likely that of all around: they are spread, none is lost.
     each_gathered([&](std::uint32_t l) {
         if (!stirred[l]) return;
-        spike_[l] = 0;
         int darker = 0, beside = 0;
         for (std::size_t s = 0; s < kBeside.size(); ++s)
             if (const std::uint32_t q = beside_[l] >> s & 1 ? around.near(l, kBeside[s][0], kBeside[s][1]) : UINT32_MAX; q != UINT32_MAX) ++beside, darker += shown[q][0] < shown[l][0];
@@ -241,47 +278,23 @@ void Bake::smooth() {
         around.window(l, kSpikeReach, window);
         spike_[l] = static_cast<float>(excess_of_spike(window, [&](std::uint32_t q) { return shown[q][0]; }, std::sqrt(gathered_variance_[l][0])) / shown[l][0]);
     });
-    std::vector<std::uint32_t> spread_at(luxels, UINT32_MAX); // those that one has reached
-    std::vector<KernelSum> spread;
-    std::vector<double> calm_variance = own_variance, spread_variance(luxels); // summed over the normals; the second: what spikes bring
-    for (std::uint32_t l = 0; l < luxels; ++l)
-        if (spike_[l] > 0) {
-            Neighbourhood::Window window;
-            around.window(l, kSpikeReach, window);
-            double noise = 0, count = 0;
-            for (std::size_t i = 1; i < window.count; ++i)
-                if (!(spike_[window.luxel[i]] > 0)) noise += own_variance[window.luxel[i]], ++count;
-            calm_variance[l] = count > 0 ? noise / count : 0;
-            const auto weight = [&](std::size_t i) { return falls_off(window.step[i][0], window.step[i][1], kSpikeReach); };
-            const auto area = [&](std::uint32_t q) { return surfaces_.luxels[q].area * luxel_area(surfaces_, surfaces_.luxels[q].face); };
-            double all = 0;
-            for (std::size_t i = 0; i < window.count; ++i) all += weight(i) * area(window.luxel[i]);
-            for (std::size_t i = 0; i < window.count; ++i) {
-                const std::uint32_t q = window.luxel[i];
-                if (spread_at[q] == UINT32_MAX) spread_at[q] = static_cast<std::uint32_t>(spread.size()), spread.push_back(gathered_[q]);
-                const double share = static_cast<double>(spike_[l]) * weight(i) * area(l) / all;
-                KernelSum part = gathered_[l];
-                spread[spread_at[q]] += part *= i == 0 ? share - static_cast<double>(spike_[l]) : share;
-                spread_variance[q] += share * share * own_variance[l];
-            }
-        }
-    const auto calm = [&](std::uint32_t l) -> const KernelSum& { return spread_at[l] == UINT32_MAX ? gathered_[l] : spread[spread_at[l]]; };
+    const Calmed calm(surfaces_, around, spike_, gathered_, own_variance);
     // Variance as the luxels around tell it, too: by its own alone a luxel that has met a bright spot would be moved far down, one that has missed it not at all up.
-    std::vector<double> variance(luxels), gathered_by_all(luxels); // with spikes spread; of what was gathered
+    std::vector<double> variance(luxels), of_rays(luxels); // with spikes spread; as gathered
     each_gathered([&](std::uint32_t l) {
-        if (spread_at[l] != UINT32_MAX) {
+        if (calm.touched(l)) {
             const LuxelKernel kernel = kernel_of(l);
-            const std::array<Rgbd, 4> all = kernel.shown(calm(l));
+            const std::array<Rgbd, 4> all = kernel.shown(calm.sum(l));
             for (std::size_t j = 0; j < kernel.shown_count(); ++j) shown[l][j] = mean(all[j]);
         }
-        double sum = 0, of_all = 0, count = 0;
+        double sum = 0, rays = 0, count = 0;
         for (int dy = -1; dy <= 1; ++dy)
             for (int dx = -1; dx <= 1; ++dx)
-                if (const std::uint32_t q = around.near(l, dx, dy); q != UINT32_MAX && luxel_patch_[q] == luxel_patch_[l]) sum += calm_variance[q] + spread_variance[q], of_all += own_variance[q], ++count;
-        variance[l] = sum / count, gathered_by_all[l] = of_all / count;
+                if (const std::uint32_t q = around.near(l, dx, dy); q != UINT32_MAX && luxel_patch_[q] == luxel_patch_[l]) sum += calm.own_variance[q] + calm.brought_variance[q], rays += own_variance[q], ++count;
+        variance[l] = sum / count, of_rays[l] = rays / count;
     });
     const auto draw = [&]<std::size_t kValues>(std::uint32_t l) {
-        // Where no ray met anything, light is none, not little.
+        // Where nothing was met, by its rays or a spike's, light is none, not little.
         const bool dark = !(shown[l][0] > 0 || shown[l][1] > 0 || shown[l][2] > 0 || shown[l][3] > 0);
         if (dark || !(variance[l] > 0)) return;
         Neighbourhood::Window window;
@@ -324,7 +337,7 @@ void Bake::smooth() {
             const double a = falls_off(dx, dy, reach) * (row[0] + row[1] * dx + row[2] * dy);
             if (a == 0) continue;
             const std::uint32_t q = window.luxel[i];
-            KernelSum part = calm(q);
+            KernelSum part = calm.sum(q);
             plane += part *= a;
             for (std::size_t j = 0; j < kValues; ++j) moved[j] += a * (shown[q][j] - shown[l][j]);
         }
@@ -334,7 +347,7 @@ void Bake::smooth() {
         if (const double most = kFarthest * std::sqrt(variance[l]), way = share * std::sqrt(far); way > most) share *= most / way;
         smoothed_[l] *= 1 - share;
         smoothed_[l] += plane *= share;
-        left_[l] = share_left(best, gathered_by_all[l]);
+        left_[l] = share_left(best, of_rays[l]);
     };
     constexpr std::size_t kPart = 64;
     const std::size_t n = patches_.patches.size();
@@ -351,10 +364,10 @@ void Bake::smooth() {
                 for (std::size_t k = 0; k < all.size(); ++k) {
                     const std::uint32_t l = all[k];
                     if (!gathered_there_[l]) continue;
-                    smoothed_[l] = calm(l), left_[l] = share_left(variance[l], gathered_by_all[l]);
+                    smoothed_[l] = calm.sum(l), left_[l] = share_left(variance[l], of_rays[l]);
                     if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l);
                     else draw.template operator()<1>(l);
-                    now[k] = {StoredSum(smoothed_[l]), left_[l], static_cast<float>(spread_variance[l])};
+                    now[k] = {StoredSum(smoothed_[l]), left_[l], static_cast<float>(calm.brought_variance[l])};
                 }
                 if (memo_) memo_->smooth.keep(key, {}, {}, to_bytes(now));
             }
