@@ -29,7 +29,7 @@ struct Answer {
 class Asking {
 public:
     Asking(const World& world, const Surfaces& s, const Lighting& light, const Density& texels, const LightField& field, const ShownErrorOptions& options, Memo* memo)
-        : s_(s), light_(light), texels_(texels), field_(field), rest_(field, memo), options_(options), cones_(cone_tables(world, s, directional_of(light), light.encoding)) {}
+        : s_(s), corner_(least_corner(s)), light_(light), texels_(texels), field_(field), rest_(field, memo), options_(options), cones_(cone_tables(world, s, directional_of(light), light.encoding)) {}
 
     // By area, one in each of equal strata.
     std::vector<Place> places() const {
@@ -60,7 +60,7 @@ public:
         out.normals = kernel.shown_count();
         out.shown = LuxelKernel::displayed(kernel.shown(read.flat, read.rnm));
         const Vec3 n = s_.faces[place.face.at()].normal;
-        const auto seed = [&](std::uint64_t what) { return mix_place(place.position, options_.seed, 92 + what); };
+        const auto seed = [&](std::uint64_t what) { return mix_place(place.position - corner_, options_.seed, 92 + what); };
         KernelSum lamps;
         field_.arriving_direct(place.position, n, seed(0), [&](Vec3 direction, Rgbd weight) { kernel.add(lamps, direction, weight); });
         for (std::size_t k = 0; k < kAnswers; ++k) {
@@ -76,7 +76,7 @@ public:
         constexpr std::uint32_t kRays = 16; // half of them, as for luxels
         const Vec3 n = s_.faces[place.face.at()].normal, from = place.position + n * field_.scene().push_off();
         const Frame frame = frame_around(n);
-        const Sobol points(mix_place(place.position, options_.seed, std::uint64_t{90}));
+        const Sobol points(mix_place(place.position - corner_, options_.seed, std::uint64_t{90}));
         std::uint32_t back = 0;
         for (std::uint32_t i = 0; i < kRays; ++i) {
             const auto hit = field_.scene().closest(from, frame.world(cosine_hemisphere(points.pair(i, 0))));
@@ -87,6 +87,7 @@ public:
 
 private:
     const Surfaces& s_;
+    const Vec3 corner_;
     const Lighting& light_;
     const Density& texels_;
     const LightField& field_;

@@ -11,6 +11,8 @@ namespace kiln {
 constexpr int kPatchRefinements = 3;
 constexpr double kPatchShare = 0.6;                        // of the target, for patches; the noise has as much
 constexpr double kDirectShare = 0.35;                      // for the noise of direct light
+constexpr double kSolutionShare = 0.4;                     // for what the solution has of the noise of rows
+constexpr std::uint32_t kMostRowRays = 4096;
 constexpr double kSteep = 5;                               // targets by which direct light of luxels side by side may differ
 constexpr double kReadStep = 0.5;                          // of the target: to what share of itself light is rounded where rays read it
 constexpr double kFarPatches = 3;                          // sizes of a patch from which on light close by is not followed further
@@ -27,7 +29,7 @@ Quality Quality::of(const LightOptions& options) {
     q.direct_samples = e <= 1.5 ? 32 : e <= 2.5 ? 16 : e <= 6 ? 8 : e <= 12 ? 4 : 2;
     q.row_rays = e <= 1 ? 1024 : e <= 2.5 ? 512 : e < 4 ? 256 : 128; // they are the guides of the gather as well
     q.read_step = std::exp2(std::floor(std::log2(kReadStep * options.error_percent / 100)));
-    q.iteration = std::min(1e-3, e * 1e-4);
+    q.iteration = std::min(1e-3, e * 1e-4) * std::clamp(options.error_floor / LightOptions{}.error_floor, 1e-9, 1.0); // of the mean light, for what is as dark as the floor
     q.first_rays = e >= 15 ? 8 : e >= 4 ? 16 : 32;
     return q;
 }
@@ -107,11 +109,11 @@ Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchT
 Bake::Bake(const World& world, const Bsp& bsp, const Surfaces& surfaces, const std::vector<Light>& lights,
            const LightOptions& options, LightMemo* memo, const Visibility* seen, Context& context)
     : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(std::ranges::any_of(bsp.leaves, &BspLeaf::outside)), memo_(memo), context_(context),
-      quality_(Quality::of(options)), scene_(world, surfaces), index_(surfaces),
+      quality_(Quality::of(options)), corner_(least_corner(surfaces)), scene_(world, surfaces), index_(surfaces),
       emitters_(world, surfaces, sky_radiance(lights)), sight_(world, surfaces, bsp, seen, scene_, lights, emitters_) {}
 
 std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
-    return mix_place(p, options_.seed, pass);
+    return mix_place(p - corner_, options_.seed, pass);
 }
 
 Vec3 Bake::luxel_centroid(const Luxel& l) const {
@@ -299,7 +301,7 @@ void Bake::find_neighbours() {
 void Bake::make_patches() {
     const std::size_t luxels = surfaces_.luxels.size();
     patches_ = build_patches(world_, surfaces_, edges_, quality_.patch_size);
-    quality_.row_rays = Quality::of(options_).row_rays;
+    quality_.row_rays = least_row_rays_;
     const auto rays_per_patch = [&] { return quality_.first_rays * static_cast<double>(luxels) / static_cast<double>(std::max<std::size_t>(patches_.patches.size(), 1)); };
     // Many luxels a patch: smaller ones cost as little beside the gather, and their bias falls with the square of their size.
     while (rays_per_patch() >= 4.0 * quality_.row_rays) {
@@ -398,6 +400,7 @@ Lighting Bake::run() {
     out_.rnm.resize(rnm);
 
     edges_ = piece_adjacency(surfaces_);
+    least_row_rays_ = quality_.row_rays;
     for (const Luxel& l : surfaces_.luxels) luxel_rounding_.push_back(Random(seed_at(luxel_centroid(l), kRounding))());
     make_patches();
     std::vector<Rgbd> total = solve_patches();
@@ -414,6 +417,17 @@ Lighting Bake::run() {
         total = solve_patches();
         first = pilot(4 * one_in, true);
         if (patches_.patches.size() <= before) break; // they are luxels already
+    }
+    // Rows as long as it asks for: down a bright corridor each bounce adds its noise to that of all before.
+    double solution = solution_noise();
+    while (solution > kSolutionShare * target && least_row_rays_ < kMostRowRays) {
+        std::uint32_t longer = quality_.row_rays; // noise falls with their square root
+        while (longer < kMostRowRays && 2 * longer * patches_.patches.size() <= kMostRowHits && longer * std::pow(kSolutionShare * target / solution, 2) < quality_.row_rays) longer *= 2;
+        if (longer == quality_.row_rays) break;
+        least_row_rays_ = longer;
+        make_patches();
+        total = solve_patches();
+        solution = solution_noise();
     }
     // And direct light as exact as it asks for, where it is not.
     if (first.direct > kDirectShare * target) {
@@ -452,7 +466,6 @@ Lighting Bake::run() {
     PilotResult check = gather();
     // The estimate has the last word: noise comes in rare large strokes, which a first pass may miss.
     constexpr int kTopUps = 3;
-    const double solution = solution_noise();
     const auto other = [&] { return check.bias * check.bias + check.shortcut * check.shortcut + solution * solution; }; // than noise
     for (int top_up = 0; top_up < kTopUps && check.noise * check.noise + other() > target * target; ++top_up) {
         if (check.direct > 1.3 * kDirectShare * target) {
@@ -462,7 +475,8 @@ Lighting Bake::run() {
         }
         const double room = target * target - check.direct * check.direct - other();
         if (room < 0.04 * target * target) break; // more rays would not help
-        wanted *= std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
+        // By what the rays that there are were to leave, and did: what a share goes by is known better after each.
+        wanted = expected_noise() * std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
         check = gather();
     }
     if (memo_) memo_->lights.end(), memo_->direct.end(), memo_->gather.end(), memo_->smooth.end(), memo_->pilot.end();

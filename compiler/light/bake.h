@@ -239,7 +239,10 @@ private:
     std::vector<std::vector<std::uint32_t>> gather_patches(std::span<const std::uint32_t> patches, Pass pass);
     void find_neighbours();
     double luxel_area_of(std::uint32_t patch) const; // map units squared
-    std::vector<double> least_cost(const std::vector<double>& variance, double wanted) const;
+    std::vector<double> single_noise(const std::vector<double>& variance) const;
+    std::vector<double> least_cost(std::vector<double> single, double wanted) const;
+    std::vector<double> ray_noise() const;
+    double expected_noise() const;
     void share_rays(double wanted);
     // smooth.cpp
     void smooth();
@@ -289,6 +292,8 @@ private:
     LightMemo* memo_;   // none: nothing is kept
     Context& context_;
     Quality quality_;
+    std::uint32_t least_row_rays_ = 0;
+    Vec3 corner_; // seeds go by places from here
     TraceScene scene_;
     LuxelIndex index_;
     EmitterSet emitters_;

@@ -313,7 +313,9 @@ double Bake::distance_to(const LightRef& ref, Vec3 x) const {
 
 // Random numbers are a light's own, wherever it stands in the map's file: with one more or less the others keep theirs.
 std::uint64_t Bake::stream_of(const LightRef& ref) const {
-    return ref.is_emitter ? mix(ref.light, std::uint64_t{1}) : mix_place(lights_[ref.light].position + lights_[ref.light].direction, static_cast<std::uint64_t>(lights_[ref.light].kind));
+    if (ref.is_emitter) return mix(ref.light, std::uint64_t{1});
+    const Light& light = lights_[ref.light];
+    return mix_place(light.direction + (light.kind == LightKind::sun ? Vec3{} : light.position - corner_), static_cast<std::uint64_t>(light.kind));
 }
 
 // Explicit light averaged over a footprint. Places and points on the light share one sequence.
@@ -579,7 +581,7 @@ std::vector<std::uint32_t> Bake::share_direct(double measured, double wanted) {
     }
     if (!(seen > 0)) return {};
     for (double& v : variance) v *= measured * measured * all / seen;
-    const std::vector<double> more = least_cost(variance, wanted);
+    const std::vector<double> more = least_cost(single_noise(variance), wanted);
     std::vector<std::uint32_t> changed;
     for (std::uint32_t p = 0; p < more.size(); ++p) {
         std::uint32_t by = 1;

@@ -334,25 +334,32 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     return out;
 }
 
-// Samples per patch such that the rRMSE of noise is `wanted` at the least cost, given the variance of a single one. With noise falling as N^-0.65, N goes
-// with the 0.87th power of the noise of a single one (Lagrange). Empty: there is no noise.
-std::vector<double> Bake::least_cost(const std::vector<double>& variance, double wanted) const {
-    const double power = 2 / (1 + 2 * kNoiseRate);
-    double area = 0, sum = 0;
+// Standard deviation of a single sample of each patch, from its variance as samples showed it. Noise comes in rare large strokes, so a patch is no quieter
+// than its neighbours on the average.
+std::vector<double> Bake::single_noise(const std::vector<double>& variance) const {
     std::vector<double> out(variance.size());
     for (std::uint32_t p = 0; p < variance.size(); ++p) {
-        // Noise comes in rare large strokes, so a patch is no quieter than its neighbours on the average.
         double around = variance[p];
         for (const std::uint32_t q : neighbours_[p]) around += variance[q];
         out[p] = std::sqrt(std::max(variance[p], around / static_cast<double>(1 + neighbours_[p].size())));
+    }
+    return out;
+}
+
+// Samples per patch such that the rRMSE of noise is `wanted` at the least cost, given the noise of a single one. With noise falling as N^-0.65, N goes
+// with the 0.87th power of the noise of a single one (Lagrange). Empty: there is no noise.
+std::vector<double> Bake::least_cost(std::vector<double> single, double wanted) const {
+    const double power = 2 / (1 + 2 * kNoiseRate);
+    double area = 0, sum = 0;
+    for (std::uint32_t p = 0; p < single.size(); ++p) {
         const double a = luxel_area_of(p);
-        area += a, sum += a * std::pow(out[p], 2 - 2 * kNoiseRate * power);
+        area += a, sum += a * std::pow(single[p], 2 - 2 * kNoiseRate * power);
     }
     if (!(area > 0) || !(sum > 0)) return {};
     // sum a s^2 (c s^power)^(-2 rate) = area wanted^2
     const double c = std::pow(sum / (area * wanted * wanted), 1 / (2 * kNoiseRate));
-    for (double& s : out) s = c * std::pow(s, power);
-    return out;
+    for (double& s : single) s = c * std::pow(s, power);
+    return single;
 }
 
 double Bake::luxel_area_of(std::uint32_t p) const {
@@ -364,15 +371,31 @@ double Bake::luxel_area_of(std::uint32_t p) const {
     return area;
 }
 
-// Never fewer than before.
-void Bake::share_rays(double wanted) {
+// What neighbours leave of a single ray's noise, per patch.
+std::vector<double> Bake::ray_noise() const {
     std::vector<double> left = noise_;
     for (std::size_t p = 0; p < left.size(); ++p) {
         double sum = 0;
         for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) sum += static_cast<double>(left_[patch_luxels_[k]]);
         if (sum > 0) left[p] *= sum / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
     }
-    const std::vector<double> n = least_cost(left, wanted);
+    return single_noise(left);
+}
+
+// rRMSE of the noise with the rays that patches have, by the same account as share_rays goes by.
+double Bake::expected_noise() const {
+    const std::vector<double> single = ray_noise();
+    double area = 0, sum = 0;
+    for (std::uint32_t p = 0; p < single.size(); ++p) {
+        const double a = luxel_area_of(p), noise = single[p] * std::pow(rays_[p], -kNoiseRate);
+        area += a, sum += a * noise * noise;
+    }
+    return area > 0 ? std::sqrt(sum / area) : 0;
+}
+
+// Never fewer than before.
+void Bake::share_rays(double wanted) {
+    const std::vector<double> n = least_cost(ray_noise(), wanted);
     for (std::size_t p = 0; p < n.size(); ++p)
         while (rays_[p] < quality_.most_rays && rays_[p] * 1.41 < n[p]) rays_[p] *= 2;
 }

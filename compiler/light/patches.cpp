@@ -135,6 +135,7 @@ PieceEdges piece_adjacency(const Surfaces& s) {
 PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges& edges, double h) {
     PatchTable out;
     const std::size_t piece_count = s.pieces.size();
+    const Vec3 corner = least_corner(s);
     // The cell of each piece: block of luxels, and what must not be mixed in it.
     struct Key {
         std::uint64_t block = 0;
@@ -151,18 +152,18 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
         const Luxel& l = s.luxels[i];
         const Chart& c = s.charts[l.chart.at()];
         const int shift = std::clamp(static_cast<int>(std::floor(std::log2(h / c.luxel_size) + 1e-9)), 0, 12);
-        // Blocks are anchored to the world as the luxel lattice is, so that an edit elsewhere does not move them. The
-        // lattice of a curve is its own.
-        const auto block = [&](double origin, std::uint32_t at) {
-            if (c.curved()) origin = 0;
-            return static_cast<std::uint64_t>((std::llround(origin / c.luxel_size) + at + (1ll << 40)) >> shift) &
-                   0xFFFFu;
+        // Blocks are counted from the corner of the map, one lattice for all of it that moves with it: an edit elsewhere moves none. The lattice of a curve is
+        // its own.
+        const auto block = [&](Vec3 axis, std::uint32_t at) {
+            constexpr double kRounding = 1e-4; // luxels: what lies on a line of the lattice is beyond it, wherever the map stands
+            const double from = c.curved() ? 0 : std::floor(dot(c.origin - corner, axis) / c.luxel_size + kRounding);
+            return static_cast<std::uint64_t>((static_cast<long long>(from) + at + (1ll << 40)) >> shift) & 0xFFFFu;
         };
         for (std::uint32_t k = 0; k < l.piece_count; ++k) {
             const std::uint32_t p = l.first_piece + k;
             const FaceId face = s.pieces[p].face;
             key[p].block = (static_cast<std::uint64_t>(l.chart.value) << 32) |
-                           (block(dot(c.origin, c.t), l.y) << 16) | block(dot(c.origin, c.s), l.x);
+                           (block(c.t, l.y) << 16) | block(c.s, l.x);
             // Faces of one material may share a patch, except lamps: each is an emitter of its own.
             key[p].group = emits(face) ? (1ull << 32) + face.value : s.faces[face.at()].material.value;
             area[p] = polygon_area(points_of(s, s.pieces[p])) * luxel_area(s, face);

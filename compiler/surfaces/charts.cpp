@@ -95,16 +95,21 @@ std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, std
             }
     }
 
+    const Vec3 corner = least_corner(s);
     std::uint64_t texels = 0;
     for (std::size_t c = 0; c < s.charts.size(); ++c) {
         Chart& chart = s.charts[c];
         const Extent& e = extents[c];
         const double wanted = chart.luxel_size;
-        double first[2], count[2];
+        double first[2], count[2], anchor[2];
         for (;; chart.luxel_size *= 2) {
+            // Lines along the axes of the world lie on its grid; slanted ones are counted from a point of it by the map's corner, so that all move with the map.
+            Vec3 grid;
+            for (std::size_t k = 0; k < 3; ++k) grid[k] = line_below(corner[k], chart.luxel_size) * chart.luxel_size;
+            anchor[0] = dot(grid, chart.s), anchor[1] = dot(grid, chart.t);
             for (int i = 0; i < 2; ++i) {
-                first[i] = line_below(e.lo[i], chart.luxel_size);
-                count[i] = std::max(1.0, line_above(e.hi[i], chart.luxel_size) - first[i]) + 2; // and the gutter
+                first[i] = line_below(e.lo[i] - anchor[i], chart.luxel_size);
+                count[i] = std::max(1.0, line_above(e.hi[i] - anchor[i], chart.luxel_size) - first[i]) + 2; // and the gutter
             }
             if (count[0] <= kMaxChartTexels && count[1] <= kMaxChartTexels) break;
         }
@@ -113,7 +118,7 @@ std::uint64_t make_charts(Surfaces& s, const std::vector<FaceDraft>& drafts, std
                            fmt::format("the surface needs more than {} luxels of {} units; they became {} units", kMaxChartTexels,
                                        wanted, chart.luxel_size),
                            world.location(s.faces[chart.faces.front().at()].side));
-        chart.origin = chart.s * ((first[0] - 1) * chart.luxel_size) + chart.t * ((first[1] - 1) * chart.luxel_size) +
+        chart.origin = chart.s * (anchor[0] + (first[0] - 1) * chart.luxel_size) + chart.t * (anchor[1] + (first[1] - 1) * chart.luxel_size) +
                        chart.n * s.faces[chart.faces.front().at()].distance;
         chart.width = static_cast<std::uint32_t>(count[0]);
         chart.height = static_cast<std::uint32_t>(count[1]);

@@ -211,6 +211,13 @@ inline Vec3 world_from_luxel(const Surfaces& s, FaceId face, Vec2 luxel) {
     const Vec3 p = c.origin + (c.s * luxel.x + c.t * luxel.y) * c.luxel_size;
     return p + f.normal * (f.distance - dot(f.normal, p));
 }
+// Of the box around all of it. What is drawn by chance goes by places from here: it moves with the map.
+inline Vec3 least_corner(const Surfaces& s) {
+    Vec3 least = s.positions.empty() ? Vec3{} : s.positions[0];
+    for (const Vec3& p : s.positions)
+        for (std::size_t c = 0; c < 3; ++c) least[c] = std::min(least[c], p[c]);
+    return least;
+}
 inline double luxel_area(const Surfaces& s, FaceId face) { // map units squared of a whole luxel there
     const Face& f = s.faces[face.at()];
     if (f.curved()) return length(cross(s.luxel_map(face).i, s.luxel_map(face).j));

@@ -107,7 +107,7 @@ void sweep_placing(SweepReport& r, const SweepSettings& s, Context& context) {
     Panel moved{"moved", {}, {"map units", true, 1}, {"rRMSE, percent", true, 0.1, 300}, {limit}};
     Panel bits{"texels that differ after a move", {}, {"map units", true, 1}, {"share of texels", true, 1e-4}, {}};
     const Answer base = answer({});
-    for (const double by : values_of(s, {0, 16, 256, 4096, 65536}, {0, 4096})) {
+    for (const double by : values_of(s, {0, 16, 48, 256, 4096, 65536}, {0, 16, 4096})) {
         Placing p;
         p.offset = {by, -by, by};
         const Answer a = answer(p);
