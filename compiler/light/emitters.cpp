@@ -66,6 +66,14 @@ double triangle_form_factor(Vec3 x, Vec3 n, const std::array<Vec3, 3>& t) {
     return lambert_form_factor(x, n, t);
 }
 
+EmitterSet::Part EmitterSet::whole_part(const Sampling& s, const std::array<Vec3, 3>& corner) {
+    Part part{corner};
+    if (s.needs_edges())
+        for (std::size_t i = 0; i < 3; ++i) part.edge[i] = lambert_edge(s.x, corner[i], corner[(i + 1) % 3]);
+    part.factor = s.by_angle() ? triangle_form_factor(s.x, {}, corner) : s.factor_of(part);
+    return part;
+}
+
 double EmitterSet::form_factor(std::uint32_t index, Vec3 x, Vec3 n) const {
     const Emitter& e = emitters[index];
     if (dot(e.normal, x) - e.distance <= 0) return 0;

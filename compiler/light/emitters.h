@@ -69,10 +69,27 @@ public:
 private:
     static constexpr std::uint32_t kMostPoints = 64; // of one part
     static constexpr double kWide = 0.01;            // longest side against distance, squared: from here on a part is drawn from by solid angle
-    template <class Visit>
-    void sample_part(const Emitter& e, std::array<Vec3, 3> part, int depth, Vec3 x, Vec3 n, std::uint32_t first,
-                     double per_factor, const Sobol& points, std::uint32_t& serial, double share_limit,
-                     Arrival arrival, const Visit& visit) const;
+    struct Part {
+        std::array<Vec3, 3> corner;
+        std::array<Vec3, 3> edge{}; // lambert_edge from each corner to the next; where only solid angles count they are not needed
+        double factor = 0;          // form factor, or solid angle over pi
+        Vec3 doubled_flux() const { return edge[0] + edge[1] + edge[2]; }
+    };
+    // Everything of one call of `sample`.
+    struct Sampling {
+        const Emitter& e;
+        Vec3 x, n; // n: zero where parts count by solid angle
+        std::uint32_t first;
+        const Sobol& points;
+        Arrival arrival;
+        double per_factor = 0, share_limit = 0;
+        std::uint32_t serial = 0;
+        bool by_angle() const { return n == Vec3{}; }
+        bool needs_edges() const { return !by_angle() || arrival == Arrival::whole; }
+        double factor_of(const Part& part) const { return std::abs(dot(n, part.doubled_flux())) / (2 * std::numbers::pi); }
+    };
+    static Part whole_part(const Sampling& s, const std::array<Vec3, 3>& corner);
+    template <class Visit> static void sample_part(Sampling& s, const Part& part, int depth, const Visit& visit);
     template <class Place, class Solid, class Doubled, class Visit>
     static void visit_points(const Emitter& e, Vec3 x, std::uint32_t count, Arrival arrival, const Place& place, const Solid& solid_angle,
                              const Doubled& doubled_flux, const Visit& visit);
@@ -121,82 +138,79 @@ void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first
                      [&](double all) { return all * e.area / samples; }, doubled, visit);
         return;
     }
-    std::uint32_t serial = 0;
     // Parts get samples by their share, and what has little share is not split for long.
     // Cut at the horizon first: a point drawn below it would throw away what the part above it sends.
-    const auto each_above = [&](auto&& part) {
-        for (std::uint32_t t = 0; t < e.triangle_count; ++t) {
-            const EmitterTriangle& tri = triangles[e.first_triangle + t];
-            const std::array<Vec3, 3> whole{tri.a, tri.b, tri.c};
-            std::array<Vec3, 4> above{tri.a, tri.b, tri.c};
-            std::size_t count = free ? 3 : 0;
-            if (!free) clip_to_horizon(x, n, whole, [&](Vec3 p) { above[count++] = p; });
-            for (std::size_t i = 1; i + 1 < count; ++i) part(std::array<Vec3, 3>{above[0], above[i], above[i + 1]});
-        }
-    };
-    const Vec3 by = share == Share::solid ? Vec3{} : n;
+    Sampling s{e, x, share == Share::solid ? Vec3{} : n, first, points, arrival};
+    std::array<Part, 8> few;
+    std::vector<Part> many;
+    std::span<Part> parts = few;
+    if (2 * e.triangle_count > few.size()) many.resize(2 * e.triangle_count), parts = many;
+    std::size_t part_count = 0;
     double total = 0;
-    if (share == Share::solid && !free)
-        each_above([&](const std::array<Vec3, 3>& part) { total += triangle_form_factor(x, by, part); });
-    else
-        total = form_factor(index, x, n);
+    for (std::uint32_t t = 0; t < e.triangle_count; ++t) {
+        const EmitterTriangle& tri = triangles[e.first_triangle + t];
+        const std::array<Vec3, 3> whole{tri.a, tri.b, tri.c};
+        std::array<Vec3, 4> above{tri.a, tri.b, tri.c};
+        std::size_t count = free ? 3 : 0;
+        if (!free) clip_to_horizon(x, n, whole, [&](Vec3 p) { above[count++] = p; });
+        for (std::size_t i = 1; i + 1 < count; ++i) total += (parts[part_count++] = whole_part(s, {above[0], above[i], above[i + 1]})).factor;
+    }
     if (!(total > 0)) return;
-    const double per_factor = samples / total;
-    share_limit = std::max(share_limit, 0.5 * total / std::max(samples, 8u));
-    each_above([&](const std::array<Vec3, 3>& part) { sample_part(e, part, 0, x, by, first, per_factor, points, serial, share_limit, arrival, visit); });
+    s.per_factor = samples / total;
+    s.share_limit = std::max(share_limit, 0.5 * total / std::max(samples, 8u));
+    for (const Part& part : parts.first(part_count)) sample_part(s, part, 0, visit);
 }
 
-template <class Visit>
-void EmitterSet::sample_part(const Emitter& e, std::array<Vec3, 3> part, int depth, Vec3 x, Vec3 n,
-                             std::uint32_t first, double per_factor, const Sobol& points, std::uint32_t& serial,
-                             double share_limit, Arrival arrival, const Visit& visit) const {
-    const double factor = triangle_form_factor(x, n, part);
-    if (!(factor > 0)) return;
-    const std::array<Vec3, 3> side{part[1] - part[0], part[2] - part[1], part[0] - part[2]};
+// Along one great circle edges add up, and what two halves have in common goes one way in one and back in the other: of six edges two are new.
+template <class Visit> void EmitterSet::sample_part(Sampling& s, const Part& part, int depth, const Visit& visit) {
+    if (!(part.factor > 0)) return;
+    const Vec3 x = s.x;
+    const std::array<Vec3, 3>& corner = part.corner;
+    const std::array<Vec3, 3> side{corner[1] - corner[0], corner[2] - corner[1], corner[0] - corner[2]};
     std::size_t longest = 0;
     for (std::size_t i = 1; i < 3; ++i)
         if (dot(side[i], side[i]) > dot(side[longest], side[longest])) longest = i;
-    const Vec3 mid = (part[0] + part[1] + part[2]) / 3.0 - x;
+    const Vec3 mid = (corner[0] + corner[1] + corner[2]) / 3.0 - x;
     // Longest side against the distance of the middle: 1 keeps the kernel within a few per cent over the part.
-    if (depth < 12 && factor > share_limit && dot(side[longest], side[longest]) > dot(mid, mid)) {
+    if (depth < 12 && part.factor > s.share_limit && dot(side[longest], side[longest]) > dot(mid, mid)) {
         const std::size_t i = longest, j = (i + 1) % 3, k = (i + 2) % 3;
-        const Vec3 m = (part[i] + part[j]) * 0.5;
-        sample_part(e, {part[i], m, part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit,
-                    arrival, visit);
-        sample_part(e, {m, part[j], part[k]}, depth + 1, x, n, first, per_factor, points, serial, share_limit,
-                    arrival, visit);
+        const Vec3 m = (corner[i] + corner[j]) * 0.5;
+        Part one{{corner[i], m, corner[k]}}, other{{m, corner[j], corner[k]}};
+        if (s.needs_edges()) {
+            const Vec3 half = lambert_edge(x, corner[i], m), across = lambert_edge(x, m, corner[k]);
+            one.edge = {half, across, part.edge[k]}, other.edge = {part.edge[i] - half, part.edge[j], -across};
+        }
+        if (s.by_angle()) one.factor = triangle_form_factor(x, {}, one.corner), other.factor = part.factor - one.factor;
+        else one.factor = s.factor_of(one), other.factor = s.factor_of(other);
+        sample_part(s, one, depth + 1, visit);
+        sample_part(s, other, depth + 1, visit);
         return;
     }
     // Parts share one point set, shifted (Cranley-Patterson) by the part's number.
-    const double shift_u = serial * 0.7548776662466927, shift_v = serial * 0.5698402909980532;
-    ++serial;
-    const auto count = static_cast<std::uint32_t>(std::clamp(std::ceil(per_factor * factor), 1.0, 1.0 * kMostPoints));
+    const double shift_u = s.serial * 0.7548776662466927, shift_v = s.serial * 0.5698402909980532;
+    ++s.serial;
+    const auto count = static_cast<std::uint32_t>(std::clamp(std::ceil(s.per_factor * part.factor), 1.0, 1.0 * kMostPoints));
     const auto shifted = [&](std::uint32_t i) {
-        const Vec2 u = points.pair(first + i, 2);
+        const Vec2 u = s.points.pair(s.first + i, 2);
         return Vec2{u.x + shift_u - std::floor(u.x + shift_u), u.y + shift_v - std::floor(u.y + shift_v)};
     };
     // Drawn by area and scaled to the solid angle of the part, few points bring up to 4 % too little: those near and those far, under
     // other angles, stand for as much each.
-    if (arrival == Arrival::each && dot(side[longest], side[longest]) > kWide * dot(mid, mid)) {
-        const SphericalTriangle seen(part[0] - x, part[1] - x, part[2] - x);
-        const double height = dot(e.normal, part[0] - x);
+    if (s.arrival == Arrival::each && dot(side[longest], side[longest]) > kWide * dot(mid, mid)) {
+        const SphericalTriangle seen(corner[0] - x, corner[1] - x, corner[2] - x);
+        const double height = dot(s.e.normal, corner[0] - x);
         for (std::uint32_t i = 0; i < count; ++i) {
             const Vec3 d = seen.direction(shifted(i));
-            if (const double along = dot(e.normal, d); along < 0) visit(x + d * (height / along), d * (seen.solid_angle() / count));
+            if (const double along = dot(s.e.normal, d); along < 0) visit(x + d * (height / along), d * (seen.solid_angle() / count));
         }
         return;
     }
     const auto place = [&](std::uint32_t i) {
         const Vec2 u = shifted(i);
         const double r = std::sqrt(u.x), wb = r * (1 - u.y), wc = r * u.y;
-        return part[0] + (part[1] - part[0]) * wb + (part[2] - part[0]) * wc;
+        return corner[0] + (corner[1] - corner[0]) * wb + (corner[2] - corner[0]) * wc;
     };
-    const auto doubled = [&] {
-        Vec3 flux;
-        for (std::size_t i = 0; i < 3; ++i) flux += lambert_edge(x, part[i], part[(i + 1) % 3]);
-        return flux;
-    };
-    visit_points(e, x, count, arrival, place, [&](double) { return solid_angle(x, part[0], part[1], part[2]); }, doubled, visit);
+    visit_points(s.e, x, count, s.arrival, place, [&](double) { return solid_angle(x, corner[0], corner[1], corner[2]); }, [&] { return part.doubled_flux(); }, visit);
 }
 
 // `solid_angle`: of the whole, given the sum of cosine / r^2 over the points. `doubled_flux`: twice the integral of the
