@@ -361,25 +361,7 @@ void Bake::direct_at(std::span<const LightRef> refs, const Footprint& footprint,
                     emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, EmitterSet::Arrival::whole, share, bring);
                     return;
                 }
-                // A large one comes in more parts than are worth rays: evenly spaced by what they bring, the parts in between standing for
-                // their neighbours.
-                thread_local std::vector<std::pair<Vec3, Vec3>> parts;
-                parts.clear();
-                double all = 0;
-                emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, EmitterSet::Arrival::each, share,
-                                 [&](Vec3 y, Vec3 flux) { parts.emplace_back(y, flux), all += length(flux); });
-                const double step = parts.size() > each ? all / each : 0;
-                double next = step * points(index, 4), sum_before = 0;
-                for (const auto& [y, flux] : parts) {
-                    if (step == 0) {
-                        bring(y, flux);
-                        continue;
-                    }
-                    const double solid = length(flux);
-                    int times = 0;
-                    for (sum_before += solid; next < sum_before; next += step) ++times;
-                    if (times) bring(y, flux * (times * step / solid));
-                }
+                emitters_.sample_few(ref.light, x, normal, index * each, each, points(index, 4), points, 2e-4, share, bring);
                 return;
             }
             const Light& light = lights_[ref.light];

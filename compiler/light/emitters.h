@@ -58,6 +58,12 @@ public:
     void sample(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples,
                 const Sobol& points, double share_limit, Arrival arrival, Share share, const Visit& visit) const;
 
+    // The same, every point for itself, with just so many of them (fewer by rounding alone): a large emitter has more parts than are worth rays, so they are evenly spaced
+    // by the parts' shares, from `offset` (0..1) on, and parts in between have none.
+    template <class Visit>
+    void sample_few(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples, double offset,
+                    const Sobol& points, double share_limit, Share share, const Visit& visit) const;
+
     // So far away and so high above the horizon of x that it need not be split.
     bool is_far(std::uint32_t emitter, Vec3 x, Vec3 n) const {
         const Emitter& e = emitters[emitter];
@@ -74,6 +80,15 @@ private:
         std::array<Vec3, 3> edge{}; // lambert_edge from each corner to the next; where only solid angles count they are not needed
         double factor = 0;          // form factor, or solid angle over pi
         Vec3 doubled_flux() const { return edge[0] + edge[1] + edge[2]; }
+        Vec3 middle() const { return (corner[0] + corner[1] + corner[2]) / 3.0; }
+        std::pair<std::size_t, double> longest_side() const { // from which corner; squared
+            std::pair<std::size_t, double> longest{0, 0.0};
+            for (std::size_t i = 0; i < 3; ++i) {
+                const Vec3 side = corner[(i + 1) % 3] - corner[i];
+                if (dot(side, side) > longest.second) longest = {i, dot(side, side)};
+            }
+            return longest;
+        }
     };
     // Everything of one call of `sample`.
     struct Sampling {
@@ -82,14 +97,17 @@ private:
         std::uint32_t first;
         const Sobol& points;
         Arrival arrival;
-        double per_factor = 0, share_limit = 0;
+        double total = 0, share_limit = 0; // of all parts
         std::uint32_t serial = 0;
         bool by_angle() const { return n == Vec3{}; }
         bool needs_edges() const { return !by_angle() || arrival == Arrival::whole; }
         double factor_of(const Part& part) const { return std::abs(dot(n, part.doubled_flux())) / (2 * std::numbers::pi); }
     };
     static Part whole_part(const Sampling& s, const std::array<Vec3, 3>& corner);
-    template <class Visit> static void sample_part(Sampling& s, const Part& part, int depth, const Visit& visit);
+    template <class Leaf> void each_part(Sampling& s, std::uint32_t emitter, Vec3 n, std::uint32_t samples, double share_limit, const Leaf& leaf) const;
+    template <class Leaf> static void split(const Sampling& s, const Part& part, int depth, const Leaf& leaf);
+    template <class Visit> static void visit_part(Sampling& s, const Part& part, std::uint32_t count, const Visit& visit);
+    template <class Visit> void visit_far(std::uint32_t emitter, Vec3 x, std::uint32_t first, std::uint32_t samples, const Sobol& points, Arrival arrival, const Visit& visit) const;
     template <class Place, class Solid, class Doubled, class Visit>
     static void visit_points(const Emitter& e, Vec3 x, std::uint32_t count, Arrival arrival, const Place& place, const Solid& solid_angle,
                              const Doubled& doubled_flux, const Visit& visit);
@@ -126,53 +144,79 @@ void EmitterSet::sample(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first
                         const Sobol& points, double share_limit, Arrival arrival, Share share, const Visit& visit) const {
     const Emitter& e = emitters[index];
     if (dot(e.normal, x) - e.distance <= 0) return;
-    const bool free = n == Vec3{};
-    if (is_far(index, x, n)) { // one part
-        const auto doubled = [&] {
-            Vec3 flux;
-            for (std::uint32_t i = 0; i < e.edge_count; ++i) flux += lambert_edge(x, edges[e.first_edge + i][0], edges[e.first_edge + i][1]);
-            return flux;
-        };
-        samples = std::min(samples, kMostPoints);
-        visit_points(e, x, samples, arrival, [&](std::uint32_t i) { return point_on(index, points.pair(first + i, 2)); },
-                     [&](double all) { return all * e.area / samples; }, doubled, visit);
-        return;
-    }
-    // Parts get samples by their share, and what has little share is not split for long.
-    // Cut at the horizon first: a point drawn below it would throw away what the part above it sends.
+    if (is_far(index, x, n)) return visit_far(index, x, first, samples, points, arrival, visit);
     Sampling s{e, x, share == Share::solid ? Vec3{} : n, first, points, arrival};
+    // Parts get samples by their share.
+    each_part(s, index, n, samples, share_limit, [&](const Part& part) {
+        visit_part(s, part, static_cast<std::uint32_t>(std::clamp(std::ceil(samples / s.total * part.factor), 1.0, 1.0 * kMostPoints)), visit);
+    });
+}
+
+template <class Visit>
+void EmitterSet::sample_few(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples, double offset,
+                            const Sobol& points, double share_limit, Share share, const Visit& visit) const {
+    const Emitter& e = emitters[index];
+    if (dot(e.normal, x) - e.distance <= 0) return;
+    if (is_far(index, x, n)) return visit_far(index, x, first, samples, points, Arrival::each, visit);
+    Sampling s{e, x, share == Share::solid ? Vec3{} : n, first, points, Arrival::each};
+    double before = 0; // share of the parts so far, in points
+    std::uint32_t taken = 0;
+    each_part(s, index, n, samples, share_limit, [&](const Part& part) {
+        const double points_due = samples / s.total * part.factor;
+        before += points_due;
+        std::uint32_t count = 0;
+        while (taken + count < samples && taken + count + offset < before) ++count;
+        taken += count;
+        if (count) visit_part(s, part, count, [&](Vec3 y, Vec3 flux) { visit(y, flux * (count / points_due)); });
+    });
+}
+
+// So far away that it is one part.
+template <class Visit>
+void EmitterSet::visit_far(std::uint32_t index, Vec3 x, std::uint32_t first, std::uint32_t samples, const Sobol& points, Arrival arrival, const Visit& visit) const {
+    const Emitter& e = emitters[index];
+    const auto doubled = [&] {
+        Vec3 flux;
+        for (std::uint32_t i = 0; i < e.edge_count; ++i) flux += lambert_edge(x, edges[e.first_edge + i][0], edges[e.first_edge + i][1]);
+        return flux;
+    };
+    samples = std::min(samples, kMostPoints);
+    visit_points(e, x, samples, arrival, [&](std::uint32_t i) { return point_on(index, points.pair(first + i, 2)); },
+                 [&](double all) { return all * e.area / samples; }, doubled, visit);
+}
+
+// n: of the horizon; zero: none.
+template <class Leaf>
+void EmitterSet::each_part(Sampling& s, std::uint32_t index, Vec3 n, std::uint32_t samples, double share_limit, const Leaf& leaf) const {
+    const Emitter& e = emitters[index];
+    // Cut at the horizon first: a point drawn below it would throw away what the part above it sends.
     std::array<Part, 8> few;
     std::vector<Part> many;
     std::span<Part> parts = few;
     if (2 * e.triangle_count > few.size()) many.resize(2 * e.triangle_count), parts = many;
     std::size_t part_count = 0;
-    double total = 0;
     for (std::uint32_t t = 0; t < e.triangle_count; ++t) {
         const EmitterTriangle& tri = triangles[e.first_triangle + t];
         const std::array<Vec3, 3> whole{tri.a, tri.b, tri.c};
         std::array<Vec3, 4> above{tri.a, tri.b, tri.c};
-        std::size_t count = free ? 3 : 0;
-        if (!free) clip_to_horizon(x, n, whole, [&](Vec3 p) { above[count++] = p; });
-        for (std::size_t i = 1; i + 1 < count; ++i) total += (parts[part_count++] = whole_part(s, {above[0], above[i], above[i + 1]})).factor;
+        std::size_t count = n == Vec3{} ? 3 : 0;
+        if (!count) clip_to_horizon(s.x, n, whole, [&](Vec3 p) { above[count++] = p; });
+        for (std::size_t i = 1; i + 1 < count; ++i) s.total += (parts[part_count++] = whole_part(s, {above[0], above[i], above[i + 1]})).factor;
     }
-    if (!(total > 0)) return;
-    s.per_factor = samples / total;
-    s.share_limit = std::max(share_limit, 0.5 * total / std::max(samples, 8u));
-    for (const Part& part : parts.first(part_count)) sample_part(s, part, 0, visit);
+    if (!(s.total > 0)) return;
+    s.share_limit = std::max(share_limit, 0.5 * s.total / std::max(samples, 8u)); // what has little share is not split for long
+    for (const Part& part : parts.first(part_count)) split(s, part, 0, leaf);
 }
 
 // Along one great circle edges add up, and what two halves have in common goes one way in one and back in the other: of six edges two are new.
-template <class Visit> void EmitterSet::sample_part(Sampling& s, const Part& part, int depth, const Visit& visit) {
+template <class Leaf> void EmitterSet::split(const Sampling& s, const Part& part, int depth, const Leaf& leaf) {
     if (!(part.factor > 0)) return;
     const Vec3 x = s.x;
     const std::array<Vec3, 3>& corner = part.corner;
-    const std::array<Vec3, 3> side{corner[1] - corner[0], corner[2] - corner[1], corner[0] - corner[2]};
-    std::size_t longest = 0;
-    for (std::size_t i = 1; i < 3; ++i)
-        if (dot(side[i], side[i]) > dot(side[longest], side[longest])) longest = i;
-    const Vec3 mid = (corner[0] + corner[1] + corner[2]) / 3.0 - x;
+    const auto [longest, width2] = part.longest_side();
+    const Vec3 mid = part.middle() - x;
     // Longest side against the distance of the middle: 1 keeps the kernel within a few per cent over the part.
-    if (depth < 12 && part.factor > s.share_limit && dot(side[longest], side[longest]) > dot(mid, mid)) {
+    if (depth < 12 && part.factor > s.share_limit && width2 > dot(mid, mid)) {
         const std::size_t i = longest, j = (i + 1) % 3, k = (i + 2) % 3;
         const Vec3 m = (corner[i] + corner[j]) * 0.5;
         Part one{{corner[i], m, corner[k]}}, other{{m, corner[j], corner[k]}};
@@ -182,21 +226,27 @@ template <class Visit> void EmitterSet::sample_part(Sampling& s, const Part& par
         }
         if (s.by_angle()) one.factor = triangle_form_factor(x, {}, one.corner), other.factor = part.factor - one.factor;
         else one.factor = s.factor_of(one), other.factor = s.factor_of(other);
-        sample_part(s, one, depth + 1, visit);
-        sample_part(s, other, depth + 1, visit);
+        split(s, one, depth + 1, leaf);
+        split(s, other, depth + 1, leaf);
         return;
     }
+    leaf(part);
+}
+
+template <class Visit> void EmitterSet::visit_part(Sampling& s, const Part& part, std::uint32_t count, const Visit& visit) {
+    const Vec3 x = s.x;
+    const std::array<Vec3, 3>& corner = part.corner;
     // Parts share one point set, shifted (Cranley-Patterson) by the part's number.
     const double shift_u = s.serial * 0.7548776662466927, shift_v = s.serial * 0.5698402909980532;
     ++s.serial;
-    const auto count = static_cast<std::uint32_t>(std::clamp(std::ceil(s.per_factor * part.factor), 1.0, 1.0 * kMostPoints));
     const auto shifted = [&](std::uint32_t i) {
         const Vec2 u = s.points.pair(s.first + i, 2);
         return Vec2{u.x + shift_u - std::floor(u.x + shift_u), u.y + shift_v - std::floor(u.y + shift_v)};
     };
     // Drawn by area and scaled to the solid angle of the part, few points bring up to 4 % too little: those near and those far, under
     // other angles, stand for as much each.
-    if (s.arrival == Arrival::each && dot(side[longest], side[longest]) > kWide * dot(mid, mid)) {
+    const Vec3 mid = part.middle() - x;
+    if (s.arrival == Arrival::each && part.longest_side().second > kWide * dot(mid, mid)) {
         const SphericalTriangle seen(corner[0] - x, corner[1] - x, corner[2] - x);
         const double height = dot(s.e.normal, corner[0] - x);
         for (std::uint32_t i = 0; i < count; ++i) {

@@ -140,15 +140,10 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
     if (list[at].is_emitter) {
         const Emitter& e = emitters_.emitters[list[at].light];
         const Sobol points(static_cast<std::uint64_t>(random() * 0x1p52));
-        // A large one comes in parts: one of them for all.
-        double arriving = 0;
-        Vec3 target;
-        emitters_.sample(list[at].light, x, normal, 0, 1, points, 2e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
-            const double part = std::max(0.0, dot(flux, normal));
-            arriving += part;
-            if (random() * arriving < part) target = y;
+        const double part = random();
+        emitters_.sample_few(list[at].light, x, normal, 0, 1, part, points, 2e-4, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
+            light = scene_.transmitted(x, y + e.normal * scene_.push_off()) * (e.radiance * std::max(0.0, dot(flux, normal)));
         });
-        if (arriving > 0) light = scene_.transmitted(x, target + e.normal * scene_.push_off()) * (e.radiance * arriving);
     } else {
         LightSample s;
         const double u = random(), v = random();
