@@ -433,6 +433,7 @@ Lighting Bake::run() {
     if (first.direct > kDirectShare * target) {
         luxel_direct(share_direct(first.direct, kDirectShare * target));
         total = solve_patches();
+        solution = solution_noise();
     }
     const std::size_t n = patches_.patches.size();
     std::vector<std::uint32_t> all(n);

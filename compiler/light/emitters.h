@@ -58,7 +58,7 @@ public:
     void sample(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples,
                 const Sobol& points, double share_limit, Arrival arrival, Share share, const Visit& visit) const;
 
-    // The same, every point for itself, with just so many of them (fewer by rounding alone): a large emitter has more parts than are worth rays, so they are evenly spaced
+    // The same, every point for itself, with just so many of them (64 at most; fewer by rounding alone): a large emitter has more parts than are worth rays, so they are evenly spaced
     // by the parts' shares, from `offset` (0..1) on, and parts in between have none.
     template <class Visit>
     void sample_few(std::uint32_t emitter, Vec3 x, Vec3 n, std::uint32_t first, std::uint32_t samples, double offset,
@@ -157,6 +157,7 @@ void EmitterSet::sample_few(std::uint32_t index, Vec3 x, Vec3 n, std::uint32_t f
                             const Sobol& points, double share_limit, Share share, const Visit& visit) const {
     const Emitter& e = emitters[index];
     if (dot(e.normal, x) - e.distance <= 0) return;
+    samples = std::min(samples, kMostPoints);
     if (is_far(index, x, n)) return visit_far(index, x, first, samples, points, Arrival::each, visit);
     Sampling s{e, x, share == Share::solid ? Vec3{} : n, first, points, Arrival::each};
     double before = 0; // share of the parts so far, in points

@@ -152,8 +152,8 @@ PatchTable build_patches(const World& world, const Surfaces& s, const PieceEdges
         const Luxel& l = s.luxels[i];
         const Chart& c = s.charts[l.chart.at()];
         const int shift = std::clamp(static_cast<int>(std::floor(std::log2(h / c.luxel_size) + 1e-9)), 0, 12);
-        // Blocks are counted from the corner of the map, one lattice for all of it that moves with it: an edit elsewhere moves none. The lattice of a curve is
-        // its own.
+        // Blocks are counted from the corner of the map, one lattice for all of it that moves with it: an edit that leaves the corner moves none. The lattice of a curve
+        // is its own.
         const auto block = [&](Vec3 axis, std::uint32_t at) {
             constexpr double kRounding = 1e-4; // luxels: what lies on a line of the lattice is beyond it, wherever the map stands
             const double from = c.curved() ? 0 : std::floor(dot(c.origin - corner, axis) / c.luxel_size + kRounding);

@@ -71,7 +71,7 @@ struct LuxelMap {
 // One luxel grid over coplanar, edge-connected faces of equal tangent frame and luxel size. Texel (i,j) covers
 // the square [i,i+1)x[j,j+1) of luxel coordinates; its centre is (i+.5, j+.5). The outermost ring is gutter.
 //   luxel coordinate of x = (dot(x - origin, s), dot(x - origin, t)) / luxel_size
-// The lattice is anchored to the world: dot(origin, s) and dot(origin, t) are multiples of luxel_size.
+// The lattice of an s or t along an axis is the world's: dot(origin, s) and dot(origin, t) are multiples of luxel_size. A slanted one is counted from the map's corner.
 // The chart of a curve has the luxels of all its faces, along its rows (x) and columns (y), each face with a LuxelMap of
 // its own; origin, s, t and n are then those of the plane nearest to it. No luxel edge is longer than luxel_size.
 struct Chart {

@@ -17,7 +17,7 @@ void BakeOptions::add_to(CLI::App& command) {
                                          "Target error of the light, percent rRMSE (default 5)")
         ->check(CLI::Range(0.1, 100.0))->type_name("PERCENT");
     quality->add_option_function<double>("--error-floor", [this](double p) { compile.light.error_floor = p / 100; },
-                                         "Light darker than this, percent of the mean of the map, is measured against that much (default 2): less for maps in which the dark counts")
+                                         "Light darker than this, percent of the mean of the map, is measured against that much (default 2): less for maps in which the dark counts. Of lightmaps, not of ambient cubes")
         ->check(CLI::Range(1e-4, 100.0))->type_name("PERCENT");
     quality->add_flag("--draft", draft, "The same as --error 20");
     quality->add_flag("--final", final, "The same as --error 1");
