@@ -400,7 +400,6 @@ Lighting Bake::run() {
     out_.rnm.resize(rnm);
 
     edges_ = piece_adjacency(surfaces_);
-    least_row_rays_ = quality_.row_rays;
     for (const Luxel& l : surfaces_.luxels) luxel_rounding_.push_back(Random(seed_at(luxel_centroid(l), kRounding))());
     make_patches();
     std::vector<Rgbd> total = solve_patches();

@@ -292,7 +292,7 @@ private:
     LightMemo* memo_;   // none: nothing is kept
     Context& context_;
     Quality quality_;
-    std::uint32_t least_row_rays_ = 0;
+    std::uint32_t least_row_rays_ = quality_.row_rays; // more where the noise of the solution asks for it
     Vec3 corner_; // seeds go by places from here
     TraceScene scene_;
     LuxelIndex index_;

@@ -110,7 +110,7 @@ TEST(Emitters, PointsOneByOneAreRightOnTheAverage) {
         for (const auto share : {EmitterSet::Share::cosine, EmitterSet::Share::solid})
             for (const auto& [samples, just_so_many] : {std::pair{1u, false}, {8u, false}, {1u, true}, {8u, true}}) {
                 double sum = 0, sum_half = 0, square = 0, square_half = 0;
-                std::uint32_t most = 0;
+                std::uint32_t least = UINT32_MAX, most = 0;
                 constexpr int kSeeds = 5000;
                 for (int seed = 0; seed < kSeeds; ++seed) {
                     const Sobol points(mix(static_cast<std::uint64_t>(seed)));
@@ -124,7 +124,7 @@ TEST(Emitters, PointsOneByOneAreRightOnTheAverage) {
                     };
                     if (just_so_many) set.sample_few(0, x, n, 0, samples, points(0, 4), points, 2e-4, share, visit);
                     else set.sample(0, x, n, 0, samples, points, 2e-4, EmitterSet::Arrival::each, share, visit);
-                    most = std::max(most, visited);
+                    least = std::min(least, visited), most = std::max(most, visited);
                     sum += one / kSeeds, square += one * one / kSeeds;
                     sum_half += one_half / kSeeds, square_half += one_half * one_half / kSeeds;
                 }
@@ -132,6 +132,7 @@ TEST(Emitters, PointsOneByOneAreRightOnTheAverage) {
                 EXPECT_NEAR(sum, exact, 5 * noise + 1e-3 * exact) << c.corner.z << " " << samples;
                 EXPECT_NEAR(sum_half, exact_half, 5 * noise_half + 1e-3 * exact) << c.corner.z << " " << samples;
                 if (just_so_many) EXPECT_EQ(most, samples);
+                if (just_so_many) EXPECT_EQ(least, samples);
             }
     }
 }
