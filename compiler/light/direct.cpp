@@ -8,6 +8,7 @@
 namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
+constexpr double kNever = 1e30; // a form factor that nothing has
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
 constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
 constexpr double kAlike = 0.35;         // error targets by which what panes let through may differ over a luxel without a closer look
@@ -53,8 +54,11 @@ bool Bake::receives(std::uint32_t p) const {
 // Noise of N gathered rays that hit with probability F: contrast pi sqrt(F / N), halved by stratification. Only
 // what stands out against the rest makes noise: in a furnace nothing does.
 double Bake::threshold(std::uint32_t p, std::uint32_t i) const {
+    // The sky is left to the gathered rays, whose guides know where it shows: its faces are large, many are alike, and where little of it shows it is through an
+    // opening, which points on a face rarely see.
+    if (emitters_.emitters[i].sky) return kNever;
     const double contrast = mean(emitters_.emitters[i].radiance) - estimate_[p] / kPi;
-    if (contrast <= 0) return 1e30;
+    if (contrast <= 0) return kNever;
     const double noise_per_root = 0.5 * kPi * contrast / std::sqrt(static_cast<double>(quality_.first_rays));
     const double root = quality_.promotion * std::max(estimate_[p], floor_) / noise_per_root;
     return root * root;
@@ -162,7 +166,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             }
             sight_.each_emitter(clusters_[p], [&](std::uint32_t i) {
                 const Emitter& emitter = emitters_.emitters[i];
-                const double least = threshold(p, i), most = least < 1e30 ? form_factor_bound(p, i) : 0;
+                const double least = threshold(p, i), most = least < kNever ? form_factor_bound(p, i) : 0;
                 if (most < least) return;
                 std::uint32_t seen = 0, tested = 0;
                 bool filtered = false;

@@ -15,7 +15,7 @@ EmitterSet::EmitterSet(const World& world, const Surfaces& s, Rgbd sky) : of_fac
         Emitter e;
         e.radiance = face.sky ? sky : static_cast<Rgbd>(world.materials[face.material.at()].emission);
         if (!(max_component(e.radiance) > 0) || (!face.drawn && !face.sky)) continue;
-        e.face = id<FaceId>(f);
+        e.face = id<FaceId>(f), e.sky = face.sky;
         e.normal = face.normal;
         e.distance = face.distance;
         e.first_triangle = static_cast<std::uint32_t>(triangles.size());

@@ -20,6 +20,7 @@ struct Emitter {
     double radius = 0, area = 0;
     std::uint32_t first_triangle = 0, triangle_count = 0; // into EmitterSet::triangles
     std::uint32_t first_edge = 0, edge_count = 0;         // boundary, directed
+    bool sky = false;
 };
 
 struct EmitterTriangle {
@@ -120,14 +121,13 @@ struct Choice {
     void add(double weight) { cumulative.push_back(total() + weight); }
     double total() const { return cumulative.empty() ? 0 : cumulative.back(); }
     double weight(std::uint32_t i) const { return cumulative[i] - (i ? cumulative[i - 1] : 0); }
-    // Emitters no brighter than `least` are left to the rays that go on: what does not stand out makes no noise
-    // there.
-    void build(const EmitterSet& set, Vec3 x, Vec3 n, double least = 0) {
+    void build(const EmitterSet& set, Vec3 x, Vec3 n) {
+        build(set, x, n, [](const Emitter&) { return true; });
+    }
+    // The rest is left to the rays that go on.
+    void build(const EmitterSet& set, Vec3 x, Vec3 n, const auto& worth) {
         clear();
-        for (std::uint32_t i = 0; i < set.emitters.size(); ++i) {
-            const double radiance = mean(set.emitters[i].radiance);
-            add(radiance > least ? radiance * set.bound(i, x, n) : 0);
-        }
+        for (std::uint32_t i = 0; i < set.emitters.size(); ++i) add(worth(set.emitters[i]) ? mean(set.emitters[i].radiance) * set.bound(i, x, n) : 0);
     }
     double probability(std::uint32_t i) const { return weight(i) / total(); }
     std::uint32_t pick(double u) const {

@@ -294,6 +294,7 @@ FieldEmitters LightField::emitters(const FieldBundle& bundle, std::span<const Rg
     const std::uint32_t samples = std::clamp(rays / 32, 4u, 64u);
     for (std::uint32_t i = 0; i < all.size(); ++i) {
         const Emitter& emitter_i = all[i];
+        if (emitter_i.sky) continue; // see Bake::threshold
         const double contrast = mean(emitter_i.radiance) - background;
         if (contrast <= 0) continue;
         const double least =

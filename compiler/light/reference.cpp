@@ -45,7 +45,9 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, End* end) co
         const Vec3 x = hit.position + n * d.scene.push_off();
         sum += throughput * entities(x, n, random) * (1 / kPi);
         if (looked && end && !d.emitters.emitters.empty() && place != FieldBundle::kBlack) looked->at(place);
-        choice.build(d.emitters, x, n, end ? 1.5 * mean(d.reflected(place)) / std::max(mean(rho), 1e-3) : 0);
+        // Close by, what does not stand out makes no noise, nor does the sky: it is left to the path.
+        const double least = end ? 1.5 * mean(d.reflected(place)) / std::max(mean(rho), 1e-3) : 0;
+        choice.build(d.emitters, x, n, [&](const Emitter& e) { return !end || (!e.sky && mean(e.radiance) > least); });
         Vec3 way;
         Rgbd weight;
         const double pick = random(), u = random(), v = random();
