@@ -311,6 +311,7 @@ private:
     double residual_ = 0;                      // relative, of the last solution
     double floor_ = 0;                         // irradiance below which errors are not relative any more
     std::vector<std::vector<LightRef>> lists_; // per patch: emitters in ascending order, then entities
+    std::vector<std::vector<std::uint32_t>> behind_;    // per patch, ascending: large emitters that mostly lie behind something, left to gathered rays
     std::vector<std::vector<float>> brought_;  // per patch and light of its list: mean irradiance of its luxels
     std::vector<std::uint32_t> luxel_patch_;   // per luxel: the patch of most of its footprint
     std::vector<std::uint32_t> patch_luxel_first_, patch_luxels_; // luxels by that patch

@@ -9,6 +9,8 @@ namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kNever = 1e30; // a form factor that nothing has
+constexpr double kLarge = 1.0 / 16; // form factor of an emitter, were it in full view, from which on gathered rays meet it often enough
+constexpr double kHidden = 0.5;     // share of that which is hidden, from which on points on it are wasted
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
 constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
 constexpr double kAlike = 0.35;         // error targets by which what panes let through may differ over a luxel without a closer look
@@ -19,8 +21,9 @@ double square(double x) {
 // What a memo keeps of the lights of a patch, as Bake::choose_lights finds them; entities: by rank.
 struct PatchLights {
     std::vector<LightRef> emitters, entities;
+    std::vector<std::uint32_t> behind;
     std::uint64_t rays = 0;
-    template <class A> void fields(A& a) { a(emitters, entities, rays); }
+    template <class A> void fields(A& a) { a(emitters, entities, behind, rays); }
 };
 // What a memo keeps of the luxels of a patch, light by light; of a light that no luxel has anything of: nothing.
 struct LuxelDirect {
@@ -54,9 +57,9 @@ bool Bake::receives(std::uint32_t p) const {
 // Noise of N gathered rays that hit with probability F: contrast pi sqrt(F / N), halved by stratification. Only
 // what stands out against the rest makes noise: in a furnace nothing does.
 double Bake::threshold(std::uint32_t p, std::uint32_t i) const {
-    // The sky is left to the gathered rays, whose guides know where it shows: its faces are large, many are alike, and where little of it shows it is through an
-    // opening, which points on a face rarely see.
-    if (emitters_.emitters[i].sky) return kNever;
+    // What is large and lies behind an opening is seen from few of its points, and the guides of gathered rays know where. The sky is so nearly everywhere; where it
+    // is not, many of its faces shine alike and make little noise together.
+    if (emitters_.emitters[i].sky || std::ranges::binary_search(behind_[p], i)) return kNever;
     const double contrast = mean(emitters_.emitters[i].radiance) - estimate_[p] / kPi;
     if (contrast <= 0) return kNever;
     const double noise_per_root = 0.5 * kPi * contrast / std::sqrt(static_cast<double>(quality_.first_rays));
@@ -108,6 +111,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     // What is worth rays is decided in coarse steps: what changes elsewhere a little must not change it here.
     for (double& e : estimate_)
         if (e > 0) e = std::exp2(std::round(8 * std::log2(e)) / 8);
+    behind_.assign(n, {});
     std::vector<std::vector<LightRef>> emitters(n), entities(n);
     clusters_.assign(n, {});
     std::uint64_t radiances = 0; // of all emitters
@@ -140,7 +144,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 for (const auto& [bright, i] : strong) key = mix(key, light_ids_[i]);
                 if (const auto kept = memo_->lights.find(key, {})) {
                     const PatchLights found = from_bytes<PatchLights>(*kept);
-                    emitters[p] = found.emitters, entities[p] = found.entities, rays += found.rays;
+                    emitters[p] = found.emitters, entities[p] = found.entities, behind_[p] = found.behind, rays += found.rays;
                     for (LightRef& r : entities[p]) r.light = strong[r.light].second;
                     std::ranges::sort(entities[p], {}, &LightRef::light);
                     continue;
@@ -170,9 +174,9 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 if (most < least) return;
                 std::uint32_t seen = 0, tested = 0;
                 bool filtered = false;
-                double factor = 0;
+                double factor = 0, in_full_view = 0, in_view = 0;
                 const std::uint32_t tests = most > 400 * least ? thorough(quality_.visibility_rays) : quality_.visibility_rays;
-                const std::uint32_t early = most > 400 * least ? tests : 4;
+                const std::uint32_t early = most > 400 * least || most >= 4 * kLarge ? tests : 4;
                 for (std::uint32_t k = 0; k < tests; ++k) {
                     if (k >= early && seen == 0) break;
                     const Footprint::Point at = footprint.sample(points.pair(k, 0));
@@ -182,12 +186,18 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     const double cx = dot(at.normal, d), cy = -dot(emitter.normal, d), r2 = dot(d, d);
                     if (cx <= 0 || cy <= 0) continue; // says nothing about what stands between
                     ++tested, ++rays;
+                    const double part = std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
+                    in_full_view += part;
                     bool blocked = false;
                     const Rgbd through = scene_.transmitted(x, y, {.start = radius / std::sqrt(1.0 * tests), .end = std::sqrt(emitter.area / tests), .start_normal = at.normal, .end_normal = emitter.normal}, &blocked);
                     if (blocked) continue;
                     filtered |= through != Rgbd{1, 1, 1};
                     ++seen;
-                    factor += mean(through) * std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
+                    in_view += part, factor += mean(through) * part;
+                }
+                if (tested && in_full_view >= kLarge * tested && in_view <= (1 - kHidden) * in_full_view) {
+                    behind_[p].push_back(i);
+                    return;
                 }
                 if (!seen && !met[i]) return;
                 if (seen && !met[i] && factor / tested < least) return;
@@ -230,7 +240,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     {i, false, (edge || seen != tested) && seen > 0, seen == 0, penumbra_samples(bright / found), filtered});
             }
             if (memo_) {
-                PatchLights all{emitters[p], entities[p], rays - rays_before};
+                PatchLights all{emitters[p], entities[p], behind_[p], rays - rays_before};
                 for (LightRef& r : all.entities) // by its rank: numbers in the file change
                     r.light = static_cast<std::uint32_t>(std::ranges::find(strong, r.light, &std::pair<double, std::uint32_t>::second) - strong.begin());
                 memo_->lights.keep(key, {}, {}, to_bytes(all));

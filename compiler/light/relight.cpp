@@ -123,6 +123,7 @@ std::uint64_t Bake::gather_key(std::uint32_t p) const {
     const std::uint64_t worth = emitters_.emitters.empty() ? 0 : mix(std::bit_cast<std::uint64_t>(estimate_[p]), std::bit_cast<std::uint64_t>(std::max(estimate_[p], floor_)));
     std::uint64_t guide = guides_[p];
     for (const std::uint32_t q : neighbours_[p]) guide = mix(guide, guides_[q]);
+    for (const std::uint32_t e : behind_[p]) guide = mix(guide, e + 1);
     return mix(base_, table_.low, p, emitters_hash_[p], rays_[p], guide, worth, std::bit_cast<std::uint64_t>(quality_.patch_size));
 }
 

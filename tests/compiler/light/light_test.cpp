@@ -189,48 +189,40 @@ TEST(Bake, UniformSky) {
     EXPECT_NEAR(e.x, 3 / std::sqrt(2.0), 1e-9);
 }
 
-// A black room under a hole in its ceiling, a sky of five large faces above: of each, nearly all is hidden from below. Irradiance is pi L times the form factor of what
-// of the hole is seen. Points on such faces would cost thousands of rays a luxel.
-TEST(Bake, SkyThroughAHole) {
-    constexpr double kRoof = 129;
-    SurfacesBuilder scene;
-    const MaterialId black = scene.material({}), sky = scene.material({}, {}, kSky);
-    const Rect hole{104, 104, 152, 152};
-    scene.room({{0, 0, 0}, {256, 256, 128}}, all(black), {.luxel = 16}, {{{}, {}, {}, {}, {}, {hole}}});
-    scene.rect({-512, -512, kRoof}, {1280, 0, 0}, {0, 1280, 0}, black, {.luxel = 64}, {Rect{hole.x0 + 512, hole.y0 + 512, hole.x1 + 512, hole.y1 + 512}});
-    std::array<MaterialId, 6> sides = all(sky);
-    sides[4] = MaterialId{};
-    scene.room({{-512, -512, kRoof}, {768, 768, 640}}, sides, {.sky = true});
-    const std::array<Vec3, 4> rim{Vec3{hole.x0, hole.y0, 128}, {hole.x1, hole.y0, 128}, {hole.x1, hole.y1, 128}, {hole.x0, hole.y1, 128}};
-    for (std::size_t i = 0; i < 4; ++i) scene.rect(rim[(i + 1) % 4], rim[i] - rim[(i + 1) % 4], {0, 0, kRoof - 128}, black, {.chart = false});
-    Light dome;
-    dome.kind = LightKind::sky, dome.intensity = {2, 2, 2};
-    const auto b = bake(std::move(scene), {.error_percent = 5}, {dome});
-    const Surfaces& s = b->scene.surfaces;
-    const double floor = error_floor(LightOptions{}.error_floor, mean_irradiance(s, b->lighting));
-    double square = 0, area = 0;
-    std::size_t below = 0;
-    for (const Luxel& l : s.luxels) {
-        const Vec3 at = center_of(s, l), n = s.charts[l.chart.at()].n;
-        double factor = n.z > 0.5 && at.z > 128 ? 1 : 0;
-        if (at.z < 128) {
-            // What is seen through both ends of the hole, in the plane of the lower.
-            const double k = (128 - at.z) / (kRoof - at.z);
-            const auto through = [&](double place, double end) { return place + (end - place) * k; };
-            const double x0 = std::max(hole.x0, through(at.x, hole.x0)), x1 = std::min(hole.x1, through(at.x, hole.x1));
-            const double y0 = std::max(hole.y0, through(at.y, hole.y0)), y1 = std::min(hole.y1, through(at.y, hole.y1));
-            const Vec3 p{x0, y0, 128}, q{x1, y0, 128}, r{x1, y1, 128}, t{x0, y1, 128};
-            if (x0 < x1 && y0 < y1) factor = triangle_form_factor(at, n, {p, q, r}) + triangle_form_factor(at, n, {p, r, t});
-            ++below;
+// What lies above a hole has irradiance pi L times the form factor of what of the hole is seen, sky or lamp. Points on such faces cost thousands of rays a luxel.
+TEST(Bake, SkyAndLampsAboveAHole) {
+    for (const bool sky : {true, false}) {
+        SCOPED_TRACE(sky ? "sky" : "lamps");
+        Light dome;
+        dome.kind = LightKind::sky, dome.intensity = {2, 2, 2};
+        const auto b = bake(room_under_a_hole([&](SurfacesBuilder& s) { return sky ? s.material({}, {}, kSky) : s.material({}, {2, 2, 2}); }, {.chart = false, .sky = sky}),
+                            {.error_percent = 5}, sky ? std::vector{dome} : std::vector<Light>{});
+        const Surfaces& s = b->scene.surfaces;
+        const double floor = error_floor(LightOptions{}.error_floor, mean_irradiance(s, b->lighting));
+        double square = 0, area = 0;
+        std::size_t below = 0;
+        for (const Luxel& l : s.luxels) {
+            const Vec3 at = center_of(s, l), n = s.charts[l.chart.at()].n;
+            double factor = at.z > kCeiling ? 1 : 0;
+            if (at.z < kCeiling) {
+                // What is seen through both ends of the hole, in the plane of the lower.
+                const double k = (kCeiling - at.z) / (kRoof - at.z);
+                const auto through = [&](double place, double end) { return place + (end - place) * k; };
+                const double x0 = std::max(kHole.x0, through(at.x, kHole.x0)), x1 = std::min(kHole.x1, through(at.x, kHole.x1));
+                const double y0 = std::max(kHole.y0, through(at.y, kHole.y0)), y1 = std::min(kHole.y1, through(at.y, kHole.y1));
+                const Vec3 p{x0, y0, kCeiling}, q{x1, y0, kCeiling}, r{x1, y1, kCeiling}, t{x0, y1, kCeiling};
+                if (x0 < x1 && y0 < y1) factor = triangle_form_factor(at, n, {p, q, r}) + triangle_form_factor(at, n, {p, r, t});
+                ++below;
+            }
+            const double expected = 2 * kPi * factor, found = static_cast<double>(b->lighting.flat[texel_of(s, l)].x), a = l.area * luxel_area(s, l.face);
+            const double relative = (found - expected) / std::max(expected, floor);
+            square += a * relative * relative, area += a;
         }
-        const double expected = 2 * kPi * factor, found = static_cast<double>(b->lighting.flat[texel_of(s, l)].x), a = l.area * luxel_area(s, l.face);
-        const double relative = (found - expected) / std::max(expected, floor);
-        square += a * relative * relative, area += a;
+        EXPECT_EQ(below, 256u + 4 * 128);
+        EXPECT_LT(100 * std::sqrt(square / area), b->lighting.error.high);
+        EXPECT_LE(b->lighting.error.estimate, 5);
+        EXPECT_LT(static_cast<double>(b->lighting.rays), 300.0 * static_cast<double>(s.luxels.size()));
     }
-    EXPECT_EQ(below, 256u + 4 * 128);
-    EXPECT_LT(100 * std::sqrt(square / area), b->lighting.error.high);
-    EXPECT_LE(b->lighting.error.estimate, 5);
-    EXPECT_LT(static_cast<double>(b->lighting.rays), 300.0 * static_cast<double>(s.luxels.size()));
 }
 
 // Everything that is emitted is absorbed: sum A (1 - rho) H = sum A M.

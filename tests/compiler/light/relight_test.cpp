@@ -109,6 +109,23 @@ TEST(Relight, SameBytesAfterEachEdit) {
     }
 }
 
+// Which lamps are left to gathered rays is taken over, too.
+TEST(Relight, LampsAboveAHole) {
+    const auto scene = [](Rgb emission) { return room_under_a_hole([&](SurfacesBuilder& s) { return s.material({}, emission); }, {.chart = false}); };
+    LightMemo memo = empty_memo();
+    const std::vector<Light> inside{point_light({60, 60, 60}, {20, 20, 20})};
+    Rgb before;
+    for (const std::vector<Light>& lights : {std::vector<Light>{}, inside})
+        for (const Rgb emission : {Rgb{2, 2, 2}, Rgb{3, 2, 1}, Rgb{3, 2, 1}, Rgb{}, Rgb{2, 2, 2}}) {
+            memo = stored(memo);
+            EXPECT_EQ(baked(scene(emission), lights, &memo), baked(scene(emission), lights, nullptr));
+            if (emission == before) {
+                EXPECT_EQ(memo.taken_over(), 1);
+            }
+            before = emission;
+        }
+}
+
 // One edit after the other, there and back.
 TEST(Relight, ChainOfEdits) {
     LightMemo memo = empty_memo();
