@@ -58,7 +58,7 @@ struct Quality {                        // what the error target buys; tuned in 
     std::uint32_t row_rays = 256;       // per patch
     std::uint32_t visibility_rays = 16; // per patch and candidate light
     std::uint32_t direct_samples = 4;   // per luxel and light at first; more where that is too noisy
-    double promotion = 0.005;   // an emitter whose predicted noise exceeds this share of E is sampled explicitly
+    double promotion = 0.005;   // an emitter whose predicted noise exceeds this share of E is sampled explicitly (but see Bake::threshold)
     double light_cutoff = 5e-3; // entity lights that together bring less than this share of E are left out
     std::uint32_t first_rays = 64, most_rays = 4096; // per luxel: of the first pass; where it is noisy
     double iteration = 1e-3;                         // bound on the relative iteration error
@@ -212,7 +212,7 @@ private:
                    std::vector<std::uint8_t>* divided,        // set for lights that the test rays were wrong about; `refs`: of lists_[patch]
                    bool closely = false) const;               // rays decide for all lights, whatever the test rays of the patch said
     double threshold(std::uint32_t patch,
-                     std::uint32_t emitter) const; // form factor from which on it is worth rays
+                     std::uint32_t emitter) const; // form factor from which on it is worth rays of its own
     bool looks_many_ways(std::uint32_t patch) const;
     double form_factor_bound(std::uint32_t patch, std::uint32_t emitter) const;
     double distance_to(const LightRef& ref, Vec3 x) const;

@@ -9,8 +9,9 @@ namespace kiln {
 namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kNever = 1e30; // a form factor that nothing has
-constexpr double kLarge = 1.0 / 16; // form factor of an emitter, were it in full view, from which on gathered rays meet it often enough
+constexpr double kLarge = 1.0 / 16; // form factor of an emitter in full view (solid angle over pi where a patch looks many ways) from which on gathered rays find it
 constexpr double kHidden = 0.5;     // share of that which is hidden, from which on points on it are wasted
+constexpr std::uint32_t kLeastTests = 4; // rays that have to say so
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
 constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
 constexpr double kAlike = 0.35;         // error targets by which what panes let through may differ over a luxel without a closer look
@@ -97,7 +98,7 @@ std::uint16_t Bake::penumbra_samples(double share) const {
 }
 
 // For every patch: emitters that it or a neighbour sees and whose light, left to the gathered rays, would be too
-// noisy; and every light entity that could matter. What is not listed stays with the gathered rays: nothing is
+// noisy, but for those of which points would do worse (threshold); and every light entity that could matter. What is not listed stays with the gathered rays: nothing is
 // lost.
 void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     const std::size_t n = patches_.patches.size();
@@ -172,13 +173,14 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 const Emitter& emitter = emitters_.emitters[i];
                 const double least = threshold(p, i), most = least < kNever ? form_factor_bound(p, i) : 0;
                 if (most < least) return;
-                std::uint32_t seen = 0, tested = 0;
+                std::uint32_t seen = 0, tested = 0, tried = 0;
                 bool filtered = false;
                 double factor = 0, in_full_view = 0, in_view = 0;
                 const std::uint32_t tests = most > 400 * least ? thorough(quality_.visibility_rays) : quality_.visibility_rays;
                 const std::uint32_t early = most > 400 * least || most >= 4 * kLarge ? tests : 4;
                 for (std::uint32_t k = 0; k < tests; ++k) {
                     if (k >= early && seen == 0) break;
+                    ++tried;
                     const Footprint::Point at = footprint.sample(points.pair(k, 0));
                     const Vec3 x = at.position + at.normal * scene_.push_off();
                     const Vec3 y = emitters_.point_on(i, points.pair(k, 2)) + emitter.normal * scene_.push_off();
@@ -195,7 +197,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     ++seen;
                     in_view += part, factor += mean(through) * part;
                 }
-                if (tested && in_full_view >= kLarge * tested && in_view <= (1 - kHidden) * in_full_view) {
+                if (tested >= kLeastTests && in_full_view >= kLarge * tried && in_view <= (1 - kHidden) * in_full_view) {
                     behind_[p].push_back(i);
                     return;
                 }
@@ -418,7 +420,7 @@ void Bake::direct_at(std::span<const LightRef> refs, const Footprint& footprint,
                 if (most_through - least_through > kAlike * 0.01 * options_.error_percent * most_through) side = std::max(side, options_.error_percent > 6 ? 4u : 8u);
                 const std::uint32_t places = side * side;
                 width /= side;
-                // A part that the horizon of a tilted normal cuts brings more than its mean direction does: next to a wall of sky
+                // A part that the horizon of a tilted normal cuts brings more than its mean direction does: next to a wall of light
                 // with parts as coarse as one point a place allows floors were 5 to 7 % too dark along such normals.
                 const auto across = [&](const Emitter& e) { return kernel.bends_over(e.center - middle.position, e.radius + std::sqrt(footprint.area())); };
                 const bool cut = ref.is_emitter && share == EmitterSet::Share::solid && (!emitters_.is_far(ref.light, middle.position, middle.normal) || across(emitters_.emitters[ref.light]));

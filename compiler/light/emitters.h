@@ -1,4 +1,4 @@
-// Emitters: faces that shine, lamps and sky alike, sampled explicitly where a cosine bundle would find them badly.
+// Emitters: faces that shine, lamps and sky, and points on them for where a cosine bundle would find them badly.
 //
 // The unoccluded contribution of an emitter is exact (Lambert's formula, clipped at the horizon); only visibility
 // is sampled. An emitter that is large against its distance is bisected until its parts are not.

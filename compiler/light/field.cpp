@@ -274,7 +274,7 @@ std::vector<Rgbd> LightField::reflected(const FieldBundle& bundle) const {
     return radiance;
 }
 
-// Emitters whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see
+// Emitters but the sky whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see
 // them at all.
 FieldEmitters LightField::emitters(const FieldBundle& bundle, std::span<const Rgbd> reflected, Vec3 point, Vec3 normal, std::uint64_t seed) const {
     const Data& d = *data_;

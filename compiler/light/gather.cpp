@@ -113,7 +113,7 @@ void Bake::patch_guide(std::uint32_t p, Guide* guide) const {
 }
 
 // Irradiance that the listed lights of a patch bring to a place near it: one of them, drawn by what the lights bring to the luxels of the patch, in part by
-// what they could bring there. By that alone a wall of sky just around the corner was drawn for a sun that made all the light, and the sun, when it was drawn, stood for twenty.
+// what they could bring there. By that alone a wall of light just around the corner was drawn for a sun that made all the light, and the sun, when it was drawn, stood for twenty.
 Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const {
     constexpr double kHiddenShare = 1.0 / 16; // no test ray of the patch saw it
     constexpr double kKnownShare = 0.75;

@@ -225,6 +225,41 @@ TEST(Bake, SkyAndLampsAboveAHole) {
     }
 }
 
+// With walls that reflect, by luxel and by the field, against path tracing, which has points on the sky and on lamps.
+TEST(Bake, SkyAndLampsAboveAHoleOfAGreyRoom) {
+    for (const bool sky : {true, false}) {
+        SCOPED_TRACE(sky ? "sky" : "lamps");
+        Light dome;
+        dome.kind = LightKind::sky, dome.intensity = {2, 2, 2};
+        const auto b = bake(room_under_a_hole([&](SurfacesBuilder& s) { return sky ? s.material({}, {}, kSky) : s.material({}, {2, 2, 2}); }, {.luxel = 64, .sky = sky}, 0.5f),
+                            {.error_percent = 2}, sky ? std::vector{dome} : std::vector<Light>{});
+        const Surfaces& s = b->scene.surfaces;
+        const double floor = error_floor(LightOptions{}.error_floor, mean_irradiance(s, b->lighting));
+        double luxels = 0, field = 0, count = 0, sum = 0, expected = 0, room = 0, all = 0;
+        for (std::size_t i = 0; i < s.luxels.size(); ++i) {
+            const Luxel& l = s.luxels[i];
+            const Vec3 at = center_of(s, l), n = s.charts[l.chart.at()].n;
+            const double area = l.area * luxel_area(s, l.face);
+            all += area;
+            if (at.z > kCeiling - 1) continue;
+            room += area;
+            if (i % 21) continue;
+            Rgbd reference, asked;
+            reference_arriving(*b->field, at, n, 16384, 5, [&](Vec3 d, Rgbd w) { reference += w * std::max(0.0, dot(d, n)); });
+            for (std::uint64_t seed = 0; seed < 4; ++seed) asked += irradiance(*b->field, at, n, 4096, seed) * 0.25;
+            const double found = static_cast<double>(b->lighting.flat[texel_of(s, l)].x), scale = std::max(reference.x, floor);
+            luxels += (found - reference.x) * (found - reference.x) / (scale * scale), field += (asked.x - reference.x) * (asked.x - reference.x) / (scale * scale);
+            sum += found, expected += reference.x, ++count;
+        }
+        EXPECT_GT(count, 30);
+        EXPECT_LT(100 * std::sqrt(luxels / count * room / all), b->lighting.error.high); // what the room has of the error of the map
+        EXPECT_NEAR(sum / expected, 1, 0.1);                                             // nothing counts twice or never
+        if (sky) {
+            EXPECT_LT(std::sqrt(field / count), 0.05); // a bundle has no guide: of lamps so far behind something it knows less
+        }
+    }
+}
+
 // Everything that is emitted is absorbed: sum A (1 - rho) H = sum A M.
 TEST(Bake, EnergyBalance) {
     const auto b = bake(two_rooms(20));

@@ -53,20 +53,21 @@ inline SurfacesBuilder two_rooms(double luxel = 10) {
     return b;
 }
 
-// A black room under a hole of 48 units in its ceiling, a unit thick, and a box of large faces of one material above its roof: of each, nearly all is hidden
+// A room, black or grey, under a hole of 48 units in its ceiling, a unit thick, and a box of large faces of one material above its roof: of each, nearly all is hidden
 // from below.
 constexpr Rect kHole{104, 104, 152, 152};
 constexpr double kCeiling = 128, kRoof = 129;
-inline SurfacesBuilder room_under_a_hole(const std::function<MaterialId(SurfacesBuilder&)>& above, FaceOptions options) {
+inline SurfacesBuilder room_under_a_hole(const std::function<MaterialId(SurfacesBuilder&)>& above, FaceOptions options, float grey = 0) {
     SurfacesBuilder b;
-    const MaterialId black = b.material({});
-    b.room({{0, 0, 0}, {256, 256, kCeiling}}, all(black), {.luxel = 16}, {{{}, {}, {}, {}, {}, {kHole}}});
-    b.rect({-512, -512, kRoof}, {1280, 0, 0}, {0, 1280, 0}, black, {.luxel = 64}, {Rect{kHole.x0 + 512, kHole.y0 + 512, kHole.x1 + 512, kHole.y1 + 512}});
+    const MaterialId walls = b.material({grey, grey, grey});
+    b.room({{0, 0, 0}, {256, 256, kCeiling}}, all(walls), {.luxel = 16}, {{{}, {}, {}, {}, {}, {kHole}}});
+    b.rect({-512, -512, kRoof}, {1280, 0, 0}, {0, 1280, 0}, walls, {.luxel = 64}, {Rect{kHole.x0 + 512, kHole.y0 + 512, kHole.x1 + 512, kHole.y1 + 512}});
     std::array<MaterialId, 6> sides = all(above(b));
+    sides[5] = above(b);
     sides[4] = MaterialId{};
     b.room({{-512, -512, kRoof}, {768, 768, 640}}, sides, options);
     const std::array<Vec3, 4> rim{Vec3{kHole.x0, kHole.y0, kCeiling}, {kHole.x1, kHole.y0, kCeiling}, {kHole.x1, kHole.y1, kCeiling}, {kHole.x0, kHole.y1, kCeiling}};
-    for (std::size_t i = 0; i < 4; ++i) b.rect(rim[(i + 1) % 4], rim[i] - rim[(i + 1) % 4], {0, 0, kRoof - kCeiling}, black, {.chart = false});
+    for (std::size_t i = 0; i < 4; ++i) b.rect(rim[(i + 1) % 4], rim[i] - rim[(i + 1) % 4], {0, 0, kRoof - kCeiling}, walls, {.chart = false});
     return b;
 }
 
