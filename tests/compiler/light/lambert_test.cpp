@@ -131,8 +131,10 @@ TEST(Emitters, PointsOneByOneAreRightOnTheAverage) {
                 const double noise = std::sqrt(std::max(0.0, square - sum * sum) / kSeeds), noise_half = std::sqrt(std::max(0.0, square_half - sum_half * sum_half) / kSeeds);
                 EXPECT_NEAR(sum, exact, 5 * noise + 1e-3 * exact) << c.corner.z << " " << samples;
                 EXPECT_NEAR(sum_half, exact_half, 5 * noise_half + 1e-3 * exact) << c.corner.z << " " << samples;
-                if (just_so_many) EXPECT_EQ(most, samples);
-                if (just_so_many) EXPECT_EQ(least, samples);
+                if (just_so_many) {
+                    EXPECT_EQ(most, samples);
+                    EXPECT_EQ(least, samples);
+                }
             }
     }
 }

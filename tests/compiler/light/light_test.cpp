@@ -17,6 +17,14 @@ Rgbd irradiance(const LightField& field, Vec3 p, Vec3 n, std::uint32_t rays, std
     field.arriving(p, n, rays, seed, [&](Vec3 d, Rgbd w) { e += w * std::max(0.0, dot(d, n)); });
     return e;
 }
+// Under a sky, or lamps, of radiance 2.
+std::unique_ptr<Baked> baked_under_a_hole(bool sky, FaceOptions above, float grey, double error_percent) {
+    std::vector<Light> lights(sky);
+    for (Light& dome : lights) dome.kind = LightKind::sky, dome.intensity = {2, 2, 2};
+    above.sky = sky;
+    return bake(room_under_a_hole([&](SurfacesBuilder& s) { return sky ? s.material({}, {}, kSky) : s.material({}, {2, 2, 2}); }, above, grey),
+                {.error_percent = error_percent}, std::move(lights));
+}
 } // namespace
 
 TEST(Bake, FurnaceIsPiEverywhere) {
@@ -193,10 +201,7 @@ TEST(Bake, UniformSky) {
 TEST(Bake, SkyAndLampsAboveAHole) {
     for (const bool sky : {true, false}) {
         SCOPED_TRACE(sky ? "sky" : "lamps");
-        Light dome;
-        dome.kind = LightKind::sky, dome.intensity = {2, 2, 2};
-        const auto b = bake(room_under_a_hole([&](SurfacesBuilder& s) { return sky ? s.material({}, {}, kSky) : s.material({}, {2, 2, 2}); }, {.chart = false, .sky = sky}),
-                            {.error_percent = 5}, sky ? std::vector{dome} : std::vector<Light>{});
+        const auto b = baked_under_a_hole(sky, {.chart = false}, 0, 5);
         const Surfaces& s = b->scene.surfaces;
         const double floor = error_floor(LightOptions{}.error_floor, mean_irradiance(s, b->lighting));
         double square = 0, area = 0;
@@ -229,10 +234,7 @@ TEST(Bake, SkyAndLampsAboveAHole) {
 TEST(Bake, SkyAndLampsAboveAHoleOfAGreyRoom) {
     for (const bool sky : {true, false}) {
         SCOPED_TRACE(sky ? "sky" : "lamps");
-        Light dome;
-        dome.kind = LightKind::sky, dome.intensity = {2, 2, 2};
-        const auto b = bake(room_under_a_hole([&](SurfacesBuilder& s) { return sky ? s.material({}, {}, kSky) : s.material({}, {2, 2, 2}); }, {.luxel = 64, .sky = sky}, 0.5f),
-                            {.error_percent = 2}, sky ? std::vector{dome} : std::vector<Light>{});
+        const auto b = baked_under_a_hole(sky, {.luxel = 64}, 0.5f, 2);
         const Surfaces& s = b->scene.surfaces;
         const double floor = error_floor(LightOptions{}.error_floor, mean_irradiance(s, b->lighting));
         double luxels = 0, field = 0, count = 0, sum = 0, expected = 0, room = 0, all = 0;

@@ -53,8 +53,8 @@ inline SurfacesBuilder two_rooms(double luxel = 10) {
     return b;
 }
 
-// A room, black or grey, under a hole of 48 units in its ceiling, a unit thick, and a box of large faces of one material above its roof: of each, nearly all is hidden
-// from below.
+// A room, black or grey, under a hole of 48 units in its ceiling, a unit thick, and a box of large faces above its roof, of what `above` makes for its walls and then for its ceiling: of
+// each, nearly all is hidden from below.
 constexpr Rect kHole{104, 104, 152, 152};
 constexpr double kCeiling = 128, kRoof = 129;
 inline SurfacesBuilder room_under_a_hole(const std::function<MaterialId(SurfacesBuilder&)>& above, FaceOptions options, float grey = 0) {
@@ -63,8 +63,7 @@ inline SurfacesBuilder room_under_a_hole(const std::function<MaterialId(Surfaces
     b.room({{0, 0, 0}, {256, 256, kCeiling}}, all(walls), {.luxel = 16}, {{{}, {}, {}, {}, {}, {kHole}}});
     b.rect({-512, -512, kRoof}, {1280, 0, 0}, {0, 1280, 0}, walls, {.luxel = 64}, {Rect{kHole.x0 + 512, kHole.y0 + 512, kHole.x1 + 512, kHole.y1 + 512}});
     std::array<MaterialId, 6> sides = all(above(b));
-    sides[5] = above(b);
-    sides[4] = MaterialId{};
+    sides[4] = MaterialId{}, sides[5] = above(b);
     b.room({{-512, -512, kRoof}, {768, 768, 640}}, sides, options);
     const std::array<Vec3, 4> rim{Vec3{kHole.x0, kHole.y0, kCeiling}, {kHole.x1, kHole.y0, kCeiling}, {kHole.x1, kHole.y1, kCeiling}, {kHole.x0, kHole.y1, kCeiling}};
     for (std::size_t i = 0; i < 4; ++i) b.rect(rim[(i + 1) % 4], rim[i] - rim[(i + 1) % 4], {0, 0, kRoof - kCeiling}, walls, {.chart = false});
