@@ -232,15 +232,20 @@ void Builder::sample(Work& work) const {
 void Builder::look(Work& work) const {
     std::vector<Vec3> points, border = std::move(work.border);
     std::vector<std::uint8_t> sees;
+    const auto sees_corner = [&](Vec3 p, unsigned c) {
+        const Site& site = sites_[work.corners[c]];
+        return site.usable && (++work.rays, air_.clear(p, site.position));
+    };
     const auto corners_from = [&](Vec3 p) {
         std::uint8_t mask = 0;
-        for (unsigned c = 0; c < 8; ++c) {
-            const Site& site = sites_[work.corners[c]];
-            if (!site.usable) continue;
-            ++work.rays;
-            if (air_.clear(p, site.position)) mask |= std::uint8_t(1u << c);
-        }
+        for (unsigned c = 0; c < 8; ++c)
+            if (sees_corner(p, c)) mask |= std::uint8_t(1u << c);
         return mask;
+    };
+    const auto sees_all = [&](Vec3 p, std::uint8_t corners) {
+        for (unsigned c = 0; c < 8; ++c)
+            if (corners >> c & 1 && !sees_corner(p, c)) return false;
+        return true;
     };
     for (const Sample& s : work.samples) points.push_back(s.point), sees.push_back(corners_from(s.point));
     const bool finest = work.size == 1;
@@ -250,12 +255,13 @@ void Builder::look(Work& work) const {
         return std::unique(sorted.begin(), sorted.end()) - sorted.begin();
     };
     Sides sides;
+    Blocked blocked;
     for (int round = 0;; ++round) {
         if (!finest && values() > 2) { // no one plane makes it single-valued
             work.state = State::split;
             return;
         }
-        sides = separate(air_, points, sees, finest ? kMostSides : 2);
+        sides = separate(air_, points, sees, finest ? kMostSides : 2, blocked);
         work.rays += sides.rays;
         if (!finest && !sides.single_valued()) {
             work.state = State::split;
@@ -266,7 +272,7 @@ void Builder::look(Work& work) const {
         // else than the side they fall to join the samples.
         std::vector<Vec3> odd;
         const auto fits = [&](Vec3 q, const Side& side) {
-            if (side.common) return (corners_from(q) & side.common) == side.common;
+            if (side.common) return sees_all(q, side.common);
             return std::ranges::any_of(side.samples, [&](std::uint32_t s) { return ++work.rays, air_.clear(q, points[s]); });
         };
         for (const Vec3& q : border)

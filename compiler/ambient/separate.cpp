@@ -10,27 +10,6 @@ struct Plane {
     double distance = 0;
 };
 
-// Pairs (row-major, symmetric) of points that do not see each other.
-class Blocked {
-public:
-    Blocked(const Air& air, const std::vector<Vec3>& points) : count_(points.size()), blocked_(count_ * count_, 0) {
-        for (std::size_t i = 0; i < count_; ++i)
-            for (std::size_t j = i + 1; j < count_; ++j)
-                blocked_[i * count_ + j] = blocked_[j * count_ + i] = !air.clear(points[i], points[j]);
-    }
-    bool operator()(std::size_t i, std::size_t j) const { return blocked_[i * count_ + j]; }
-    std::size_t among(const std::vector<std::uint32_t>& set) const {
-        std::size_t n = 0;
-        for (std::size_t i = 0; i < set.size(); ++i)
-            for (std::size_t j = i + 1; j < set.size(); ++j) n += (*this)(set[i], set[j]);
-        return n;
-    }
-
-private:
-    std::size_t count_;
-    std::vector<char> blocked_;
-};
-
 // The plane in the middle of the wall that a meets on its way to b: as far from the air on both sides as can be.
 std::optional<Plane> wall_between(const Air& air, Vec3 a, Vec3 b) {
     constexpr double kInto = 1e-3, kMostHalf = 8; // map units
@@ -66,6 +45,23 @@ struct Part { // of the points, in a tree of planes
 
 } // namespace
 
+std::uint64_t Blocked::grow(const Air& air, const std::vector<Vec3>& points) {
+    std::uint64_t rays = 0;
+    for (std::size_t i = rows_.size(); i < points.size(); ++i) {
+        std::vector<char>& row = rows_.emplace_back(i);
+        for (std::size_t j = 0; j < i; ++j) row[j] = !air.clear(points[j], points[i]);
+        rays += i;
+    }
+    return rays;
+}
+
+std::size_t Blocked::among(const std::vector<std::uint32_t>& set) const {
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < set.size(); ++i)
+        for (std::size_t j = i + 1; j < set.size(); ++j) n += (*this)(set[i], set[j]);
+    return n;
+}
+
 bool Sides::single_valued() const {
     for (const Side& side : sides)
         if (!side.behind && (side.common == 0 || side.common != side.any)) return false;
@@ -73,7 +69,7 @@ bool Sides::single_valued() const {
 }
 
 Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vector<std::uint8_t>& sees,
-               std::size_t most) {
+               std::size_t most, Blocked& blocked) {
     Sides result;
     const auto judge = [&](Part& part) {
         const Side side = side_of(part.samples, sees);
@@ -86,8 +82,7 @@ Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vecto
         result.sides.push_back(whole);
         return result;
     }
-    const Blocked blocked(air, points);
-    result.rays = points.size() * (points.size() - 1) / 2;
+    result.rays = blocked.grow(air, points);
     all.crossings = blocked.among(all.samples);
     judge(all);
     constexpr std::size_t kForCorners = 8; // sides, with more of which no more corners are worth having

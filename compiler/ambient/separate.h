@@ -31,7 +31,19 @@ template <class T> std::uint32_t side_at(const std::vector<T>& sides, Vec3 p) {
     return at;
 }
 
-// `sees[i]`: corners (bits) that points[i] sees. At most `most` sides.
-Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vector<std::uint8_t>& sees, std::size_t most);
+// Pairs of points that do not see each other.
+class Blocked {
+public:
+    // `points`: those it knows, and more after these. Which rays that cost is returned.
+    std::uint64_t grow(const Air& air, const std::vector<Vec3>& points);
+    bool operator()(std::size_t i, std::size_t j) const { return i > j ? rows_[i][j] : rows_[j][i]; } // i and j differ
+    std::size_t among(const std::vector<std::uint32_t>& set) const;
+
+private:
+    std::vector<std::vector<char>> rows_; // of each point, those before it
+};
+
+// `sees[i]`: corners (bits) that points[i] sees. At most `most` sides. `blocked`: of the first points, from an earlier call; of all of them where it was needed.
+Sides separate(const Air& air, const std::vector<Vec3>& points, const std::vector<std::uint8_t>& sees, std::size_t most, Blocked& blocked);
 
 } // namespace kiln::ambient

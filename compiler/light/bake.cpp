@@ -482,7 +482,7 @@ Lighting Bake::run() {
     if (memo_) memo_->lights.end(), memo_->direct.end(), memo_->gather.end(), memo_->smooth.end(), memo_->pilot.end();
     store_luxels();
     fill();
-    match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
+    if (options_.match_seams) match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
 
     out_.error = error_report(check, solution);
 

@@ -23,7 +23,8 @@ struct LightOptions {
     Directional directional = Directional::needed; // needed: where a material has a normal map
     double error_floor = 0.02;                     // of the scene mean, in rRMSE
     std::uint64_t seed = 1;
-    template <class A> void fields(A& a) { a(error_percent, encoding, directional, error_floor, seed); }
+    bool match_seams = true; // texels that seams read are fitted (seams.h); without it a luxel is the mean of its part of a face
+    template <class A> void fields(A& a) { a(error_percent, encoding, directional, error_floor, seed, match_seams); }
 };
 
 struct Patch {

@@ -220,6 +220,7 @@ Measurement measure_bake(const LightScene& in, const Truth& truth, double target
     // Irradiance along the basis vectors is what can be compared; all luxels directional is the dearest there is.
     LightOptions options;
     options.error_percent = target, options.encoding = RnmEncoding::tilted, options.directional = flat ? Directional::none : Directional::all, options.seed = seed;
+    options.match_seams = !truth.places.empty(); // a texel fitted for what is shown is not the mean of its luxel, which truth is
     reset_peak();
     const double before = status_kb("VmRSS:"), start = cpu_seconds();
     const std::uint64_t traced = TraceScene::traced();

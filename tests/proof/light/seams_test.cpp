@@ -1,4 +1,5 @@
 // A few of the maps of `prove_light seams`, through a level file and its loader.
+#include "compiler/light/seams.h"
 #include "tests/proof/light/seams.h"
 #include <gtest/gtest.h>
 
@@ -37,6 +38,29 @@ TEST(Seams, EveryEncoding) {
         EXPECT_LT(f.leaning_p99, 0.005);
         EXPECT_LT(f.leaning_most, 0.02);
     }
+}
+
+// Without it a bake keeps the means of luxels; they are what is fitted.
+TEST(Seams, LeftToTheCaller) {
+    SeamMap m = seam_maps().at(1);
+    Context context;
+    const auto csg = build_csg(m.builder.world, {}, context);
+    ASSERT_TRUE(csg);
+    const auto bsp = build_bsp(m.builder.world, *csg, {}, context);
+    ASSERT_TRUE(bsp);
+    const auto surfaces = build_surfaces(m.builder.world, *csg, *bsp, m.surfaces, context);
+    ASSERT_TRUE(surfaces);
+    const auto baked = [&](bool match) {
+        auto light = bake_light(m.builder.world, *bsp, bsp->planes, *surfaces, m.lights, {.error_percent = 20, .directional = Directional::all, .match_seams = match}, context);
+        EXPECT_TRUE(light);
+        return *std::move(light);
+    };
+    const Lighting fitted = baked(true);
+    Lighting means = baked(false);
+    EXPECT_NE(means.flat, fitted.flat);
+    match_seams(*surfaces, TraceScene(m.builder.world, *surfaces), LightOptions{}.error_floor, &means, context);
+    EXPECT_EQ(means.flat, fitted.flat);
+    EXPECT_EQ(means.rnm, fitted.rnm);
 }
 
 } // namespace
