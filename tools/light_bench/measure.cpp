@@ -1,5 +1,6 @@
 #include "tools/light_bench/measure.h"
 #include "compiler/density/shown_error.h"
+#include "compiler/light/bake.h"
 #include "compiler/light/seams.h"
 #include "libs/core/file.h"
 #include "libs/core/process.h"
@@ -11,6 +12,7 @@
 #include <fstream>
 #include <malloc.h>
 #include <numbers>
+#include <numeric>
 #include <optional>
 
 namespace kiln::bench {
@@ -77,19 +79,24 @@ double calibrate(const rivals::Scene& scene, std::span<const rivals::Receiver> r
     return 3.0 * kBundle * kBundles / (cpu_seconds() - start);
 }
 
-template <class Per> std::array<double, 4> root_mean_square(const Truth& truth, const Per& per) { // of per(luxel, direction, channel) / floor
-    std::array<double, 4> out{};
+// Of per(luxel, direction, channel) / floor, per luxel: its square, the mean of the channels.
+template <class Per> std::vector<double> squares_of(const Truth& truth, std::size_t d, const Per& per) {
     const std::size_t n = truth.value.size();
-    for (std::size_t d = 0; d < 4; ++d) {
-        double sum = 0;
-        for (std::size_t c = 0; c < 3; ++c) {
-            double level = 0;
-            for (const Irradiance& e : truth.value) level += e[d][c] / static_cast<double>(n);
-            if (!(level > 0)) continue; // no light of this colour
-            for (std::size_t i = 0; i < n; ++i) sum += std::pow(per(i, d, c) / std::max(truth.value[i][d][c], 0.02 * level), 2);
-        }
-        out[d] = n ? 100 * std::sqrt(sum / static_cast<double>(3 * n)) : 0;
+    std::vector<double> out(n);
+    for (std::size_t c = 0; c < 3; ++c) {
+        double level = 0;
+        for (const Irradiance& e : truth.value) level += e[d][c] / static_cast<double>(n);
+        if (!(level > 0)) continue; // no light of this colour
+        for (std::size_t i = 0; i < n; ++i) out[i] += std::pow(per(i, d, c) / std::max(truth.value[i][d][c], 0.02 * level), 2) / 3;
     }
+    return out;
+}
+double percent_of(std::span<const double> squares) {
+    return squares.empty() ? 0 : 100 * std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) / static_cast<double>(squares.size()));
+}
+template <class Per> std::array<double, 4> root_mean_square(const Truth& truth, const Per& per) {
+    std::array<double, 4> out{};
+    for (std::size_t d = 0; d < 4; ++d) out[d] = percent_of(squares_of(truth, d, per));
     return out;
 }
 std::array<double, 4> noise_of(const Truth& truth) {
@@ -189,14 +196,19 @@ Result<Truth> find_truth(const LightScene& in, const TruthSettings& settings, Co
 Errors compare(const Truth& truth, std::span<const Irradiance> values, std::size_t directions) {
     Errors e;
     e.noise = noise_of(truth);
-    e.rrmse = root_mean_square(truth, [&](std::size_t i, std::size_t d, std::size_t c) { return values[i][d][c] - truth.value[i][d][c]; });
+    const auto off = [&](std::size_t i, std::size_t d, std::size_t c) { return values[i][d][c] - truth.value[i][d][c]; };
+    e.rrmse = root_mean_square(truth, off);
+    std::size_t worst = 0;
     for (std::size_t d = 0; d < directions; ++d) {
         double got = 0, want = 0;
         for (std::size_t i = 0; i < truth.value.size(); ++i) got += mean(values[i][d]), want += mean(truth.value[i][d]);
         e.bias[d] = want > 0 ? 100 * (got / want - 1) : 0;
         e.rrmse[d] = std::sqrt(std::max(0.0, e.rrmse[d] * e.rrmse[d] - e.noise[d] * e.noise[d]));
-        if (e.rrmse[d] >= e.worst) e.worst = e.rrmse[d], e.worst_noise = e.noise[d];
+        if (e.rrmse[d] >= e.worst) e.worst = e.rrmse[d], e.worst_noise = e.noise[d], worst = d;
     }
+    const std::size_t n = truth.value.size();
+    const Bounds b = bounds_of_mean(squares_of(truth, worst, off), std::vector<double>(n, 1.0), static_cast<double>(n) / static_cast<double>(std::max<std::size_t>(truth.shown, n)));
+    e.least = std::sqrt(std::max(0.0, e.worst * e.worst - 1e4 * b.below)), e.most = std::sqrt(e.worst * e.worst + 1e4 * b.above);
     double level = 0;
     for (const Irradiance& v : truth.value) level += mean(v[0]) / static_cast<double>(truth.value.size());
     std::vector<double> relative;
@@ -269,6 +281,8 @@ Seeds compare_seeds(const Truth& truth, std::span<const Measurement> runs) {
     const auto n = static_cast<double>(runs.size());
     for (const Measurement& m : runs) {
         ++out.runs;
+        out.surely_over += m.errors.least > m.high;
+        out.least += m.errors.least * m.errors.least / n, out.most += m.errors.most * m.errors.most / n;
         out.within_estimate += m.errors.worst <= m.estimate, out.within_high += m.errors.worst <= m.high, out.within_target += m.errors.worst <= m.target;
         out.error += m.errors.worst * m.errors.worst / n, out.estimate += m.estimate * m.estimate / n, out.high += m.high * m.high / n;
         out.own_noise += m.own_noise * m.own_noise / n, out.own_bias += m.own_bias * m.own_bias / n;
@@ -277,7 +291,7 @@ Seeds compare_seeds(const Truth& truth, std::span<const Measurement> runs) {
         out.cpu_s += m.cpu_s / n, out.rays += m.rays / n;
         for (std::size_t d = 0; d < 4; ++d) out.bias[d] += m.errors.bias[d] / n;
     }
-    for (double* square : {&out.error, &out.estimate, &out.high, &out.own_noise, &out.own_bias}) *square = std::sqrt(*square);
+    for (double* square : {&out.error, &out.least, &out.most, &out.estimate, &out.high, &out.own_noise, &out.own_bias}) *square = std::sqrt(*square);
     if (runs.size() < 2) return out;
     // The spread of the runs about their mean is noise; the mean is off by what all have, by its own noise and by that of the truth.
     const auto mean_of = [&](std::size_t i, std::size_t d, std::size_t c) {

@@ -51,6 +51,7 @@ struct Errors {                       // percent
     std::array<double, 4> noise{};    // of the truth
     std::array<double, 4> bias{};     // of the sum, signed
     double worst = 0, worst_noise = 0; // of the direction with the largest error
+    double least = 0, most = 0;       // truth knows a sample of the luxels: the error of all in that direction is above and below these, each with 95 %
     double p95 = 0;                   // 95th percentile of the relative error along n
     bool at_noise() const { return worst < 2 * worst_noise; } // too close to the truth's noise to tell
 };
@@ -83,6 +84,8 @@ struct Seeds {
     std::size_t runs = 0, within_estimate = 0, within_high = 0, within_target = 0;
     double error = 0, estimate = 0, high = 0;         // percent, root mean square over the runs
     double over_estimate = 0, over_high = 0;          // the largest true error over each; infinite: told to be none, and there is some
+    std::size_t surely_over = 0;                      // runs whose bound lies below what the true error is at least
+    double least = 0, most = 0;                       // percent, root mean square over the runs: of Errors
     double noise = 0, common = 0;                     // percent, worst direction: found in the values of the runs
     double own_noise = 0, own_bias = 0;               // what the bake says of those
     std::array<double, 4> bias{};                     // percent: of the sum over all luxels, mean over the runs

@@ -76,6 +76,33 @@ TEST(LightBench, SeedsPartIntoWhatTheyShareAndWhatNot) {
     EXPECT_NEAR(worst[0].share, 1.0 / 3, 1e-9);
 }
 
+// Of a quarter of the luxels an eighth is off: the square of the error of all has a standard error of sqrt(1/8 * 7/8 / (n - 1) * 3/4) of that of one that is off.
+TEST(LightBench, ASampleOfLuxelsLeavesTheErrorOfAllOpen) {
+    constexpr std::size_t kCount = 256;
+    Truth t = truth_of({1});
+    t.luxels.resize(kCount), t.value.resize(kCount, t.value[0]), t.error.resize(kCount, t.error[0]);
+    std::vector<rivals::Irradiance> v = t.value;
+    for (std::size_t i = 0; i < kCount; i += 8) v[i][2] *= 1.4;
+    t.shown = kCount; // all there are: nothing is open
+    Measurement run;
+    run.errors = compare(t, v), run.values = v;
+    EXPECT_NEAR(run.errors.worst, 40 / std::sqrt(8.0), 1e-9);
+    EXPECT_NEAR(run.errors.least, run.errors.worst, 1e-9);
+    EXPECT_NEAR(run.errors.most, run.errors.worst, 1e-9);
+    t.shown = 4 * kCount;
+    run.errors = compare(t, v);
+    const double error = 1600 * std::sqrt(1.0 / 8 * 7 / 8 / (kCount - 1) * 3 / 4), square = 1600.0 / 8;
+    const double below = square - run.errors.least * run.errors.least, above = run.errors.most * run.errors.most - square;
+    EXPECT_NEAR((below + above) / 2, 1.6449 * error, 1e-3 * error); // skewness moves both ends up
+    EXPECT_GT(above, below);
+    EXPECT_GT(below, error);
+    run.high = run.errors.worst - 0.01;
+    EXPECT_EQ(compare_seeds(t, {{run}}).within_high, 0u);
+    EXPECT_EQ(compare_seeds(t, {{run}}).surely_over, 0u);
+    run.high = run.errors.least - 0.01;
+    EXPECT_EQ(compare_seeds(t, {{run}}).surely_over, 1u);
+}
+
 TEST(LightBench, AnErrorToldToBeNoneIsNotCovered) {
     const Truth t = truth_of({1, 2, 4});
     Measurement run;
