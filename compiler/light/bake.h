@@ -178,6 +178,7 @@ private:
     // relight.cpp
     void open_memo();
     bool load_rows();
+    void note_reflected(std::uint32_t patch);
     void note_solution();
     void note_lists();
     void note_states();
@@ -218,6 +219,7 @@ private:
     double distance_to(const LightRef& ref, Vec3 x) const;
     std::uint16_t penumbra_samples(double share) const;
     bool receives(std::uint32_t patch) const;
+    std::span<const std::uint32_t> luxels_of(std::uint32_t p) const { return std::span(patch_luxels_).subspan(patch_luxel_first_[p], patch_luxel_first_[p + 1] - patch_luxel_first_[p]); }
     // Adds emitters to the lists of patches and of their neighbours; which patches changed.
     std::vector<std::uint32_t> add_emitters(const std::vector<std::vector<std::uint32_t>>& found);
     std::vector<std::vector<std::uint8_t>> luxel_direct(std::span<const std::uint32_t> patches);
@@ -278,6 +280,8 @@ private:
     std::uint64_t seed_at(Vec3 point, std::uint64_t pass) const;
     Vec3 luxel_centroid(const Luxel& luxel) const;
     ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const;
+    std::vector<std::uint32_t> own_light(); // returns patches to which what it changed makes a difference
+    Rgbd emitted_by(std::uint32_t p) const { return patch_emitter_[p] == UINT32_MAX ? Rgbd{} : emitters_.emitters[patch_emitter_[p]].radiance; }
     bool is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const;
     void far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const;
     ReflectedLight coarse_light(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
@@ -320,6 +324,7 @@ private:
     std::vector<float> direct_variance_;                          // per luxel: of its mean, as the spread between places has it
     std::vector<std::uint16_t> effort_;                           // per patch: times the samples of its lights
     std::uint64_t direct_passes_ = 0;
+    std::uint64_t own_round_ = 0; // of gathering with luxels' own light; 0: not now
     Rows rows_;
     std::vector<Rgbd> rest_;                                      // per patch: irradiance that is not direct
     std::vector<Rgbd> solved_direct_;                             // and that which is, as the bounces were solved

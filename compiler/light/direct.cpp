@@ -462,7 +462,7 @@ void Bake::direct_at(std::span<const LightRef> refs, const Footprint& footprint,
 
 // A light's part in a luxel depends on no other light: the memo has them one by one.
 void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std::uint8_t>* divided, std::uint64_t* rays) {
-    const std::span<const std::uint32_t> luxels = std::span(patch_luxels_).subspan(patch_luxel_first_[p], patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+    const std::span<const std::uint32_t> luxels = luxels_of(p);
     const std::vector<LightRef>& list = lists_[p];
     std::vector<double> variances(luxels.size());
     for (const std::uint32_t l : luxels) direct_[l] = {};

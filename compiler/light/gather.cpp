@@ -408,7 +408,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
         thread_local Looked looked;
         for (const std::uint32_t p : patches.subspan(begin, end - begin)) {
             if (covered_[p] || patch_luxel_first_[p] == patch_luxel_first_[p + 1]) continue;
-            const std::uint64_t stream = pass == Pass::first ? 4 : 16 + rays_[p];
+            const std::uint64_t stream = pass == Pass::first ? 4 : 16 + rays_[p] + (own_round_ << 32);
             const std::uint64_t key = memo_ ? mix(gather_key(p), stream, static_cast<std::uint64_t>(pass == Pass::last)) : 0;
             PatchGather gathered;
             if (const auto kept = memo_ ? memo_->gather.find(key, states_) : std::nullopt) {

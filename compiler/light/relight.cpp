@@ -7,6 +7,15 @@
 #include "libs/parallel/parallel.h"
 
 namespace kiln {
+namespace {
+void write(ByteWriter& w, const ReflectedLight& light, const Surfaces& surfaces, std::uint32_t p, std::span<const std::uint32_t> luxels) {
+    w(light.patch[p], light.far[p]);
+    for (const std::uint32_t l : luxels) {
+        const std::size_t texel = texel_of(surfaces, surfaces.luxels[l]);
+        w(light.texel[texel], light.direct[texel], light.steep[texel]);
+    }
+}
+} // namespace
 
 std::uint64_t light_id(Light light) {
     light.entity = {};
@@ -49,31 +58,31 @@ bool Bake::load_rows() {
     }
 }
 
-// After a solution: of all that a ray may read at a patch, and of what the guides of others have from it.
+// All that a ray may read at a patch.
+void Bake::note_reflected(std::uint32_t p) {
+    const std::span<const std::uint32_t> luxels = luxels_of(p);
+    ByteWriter w;
+    w(bright_[p], emitted_by(p), patches_.patches[p].reflectance);
+    write(w, reflected_, surfaces_, p, luxels);
+    reflects_[p] = hash_bytes(w.bytes).low;
+}
+
+// After a solution: that, and what the guides of others have from it.
 void Bake::note_solution() {
     const std::size_t n = patches_.patches.size();
     reflects_.resize(n), reflects_coarse_.resize(n), guides_.resize(n);
     std::vector<std::uint64_t> seen(n);
-    const auto read = [&](ByteWriter& w, const ReflectedLight& light, std::uint32_t p) {
-        w(light.patch[p], light.far[p]);
-        for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-            const std::size_t texel = texel_of(surfaces_, surfaces_.luxels[patch_luxels_[k]]);
-            w(light.texel[texel], light.direct[texel], light.steep[texel]);
-        }
-    };
     constexpr std::size_t kChunk = 256;
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
         ByteWriter w;
         for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
-            const Rgbd emitted = patch_emitter_[p] == UINT32_MAX ? Rgbd{} : emitters_.emitters[patch_emitter_[p]].radiance;
+            note_reflected(p);
             w.bytes.clear();
-            w(bright_[p], emitted);
+            w(bright_[p], emitted_by(p));
             seen[p] = hash_bytes(w.bytes).low;
-            w(patches_.patches[p].reflectance);
-            read(w, reflected_, p);
-            reflects_[p] = hash_bytes(w.bytes).low;
             w.bytes.clear();
-            read(w, coarse_, p), read(w, coarse_luxels_, p);
+            const std::span<const std::uint32_t> luxels = luxels_of(p);
+            write(w, coarse_, surfaces_, p, luxels), write(w, coarse_luxels_, surfaces_, p, luxels);
             reflects_coarse_[p] = hash_bytes(w.bytes).low;
         }
     });

@@ -353,7 +353,7 @@ void Bake::smooth() {
     const std::size_t n = patches_.patches.size();
     parallel_for(context_, (n + kPart - 1) / kPart, [&](std::size_t part) {
         for (auto p = static_cast<std::uint32_t>(part * kPart); p < std::min(n, (part + 1) * kPart); ++p) {
-            const std::span<const std::uint32_t> all = std::span(patch_luxels_).subspan(patch_luxel_first_[p], patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+            const std::span<const std::uint32_t> all = luxels_of(p);
             if (std::ranges::none_of(all, [&](std::uint32_t l) { return stirred[l] && gathered_there_[l]; })) continue;
             const std::uint64_t key = memo_ ? smooth_key(p, around.at_texel(), around.left_to_rays()) : 0;
             std::vector<Smoothed> now;
