@@ -407,7 +407,7 @@ std::string options_json(const CompileOptions& o) {
         {"surfaces", {{"smoothing_angle_deg", o.surfaces.smoothing_angle_deg}, {"most_texels", o.surfaces.most_texels}, {"curve_flatness", o.surfaces.curve_flatness}}},
         {"light",
          {{"error_percent", o.light.error_percent}, {"encoding", kEncodings[static_cast<int>(o.light.encoding)]},
-          {"directional", kDirectional[static_cast<int>(o.light.directional)]}, {"error_floor", o.light.error_floor}, {"seed", o.light.seed}}},
+          {"directional", kDirectional[static_cast<int>(o.light.directional)]}, {"error_floor", o.light.error_floor}, {"seed", o.light.seed}, {"match_seams", o.light.match_seams}}},
         {"ambient",
          {{"error_percent", o.ambient.error_percent}, {"coarsest", o.ambient.coarsest}, {"finest", o.ambient.finest},
           {"local_lights", o.ambient.local_lights}, {"rays", o.ambient.rays}, {"lattice_offset", o.ambient.lattice_offset}, {"seed", o.ambient.seed}}},

@@ -1,4 +1,5 @@
 #include "compiler/ambient/separate.h"
+#include "libs/core/check.h"
 #include <tuple>
 
 namespace kiln::ambient {
@@ -46,6 +47,7 @@ struct Part { // of the points, in a tree of planes
 } // namespace
 
 std::uint64_t Blocked::grow(const Air& air, const std::vector<Vec3>& points) {
+    KILN_CHECK_OP(rows_.size(), <=, points.size());
     std::uint64_t rays = 0;
     for (std::size_t i = rows_.size(); i < points.size(); ++i) {
         std::vector<char>& row = rows_.emplace_back(i);

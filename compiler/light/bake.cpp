@@ -205,11 +205,12 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
 }
 
 // What luxels have gathered knows more of how light lies within a patch than the solution does: in a narrow shaft it falls off by half from one luxel to the next. Where the
-// two differ by more than noise makes them, rays read what the luxels have from now on, drawn towards it as far as the difference is not noise (as in smooth.cpp).
-std::vector<std::uint32_t> Bake::own_light() {
-    constexpr double kCertain = 2;  // standard deviations of the square of a difference that is but noise
+// two differ by more than noise makes them, rays read what the luxels have from now on, drawn towards it as far as the difference is not noise (as in smooth.cpp). `stale`: of each patch, by
+// what share of its light it has changed since it was gathered.
+std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
+    constexpr double kCertain = 2;  // standard deviations of the square of a difference that is but noise, were that normal and each luxel's its own
     constexpr double kMatters = 0.25; // targets by which the light of a patch changes by it from which on it is gathered again
-    constexpr double inv_pi = 1 / std::numbers::pi;
+    constexpr double kGolden = 0.618, inv_pi = 1 / std::numbers::pi;
     const double target = options_.error_percent / 100;
     const std::size_t n = patches_.patches.size();
     std::vector<double> moved(n); // per patch: radiance, mean over its luxels
@@ -241,18 +242,27 @@ std::vector<std::uint32_t> Bake::own_light() {
                 moved[p] += std::abs(mean(read) - mean(told[k])) / count;
                 Rgbd light;
                 for (std::size_t c = 0; c < 3; ++c) light[c] = rho[c] > 0 ? read[c] / rho[c] : 0;
-                reflected_.texel[texel_of(surfaces_, surfaces_.luxels[l])] = static_cast<Rgb>(rho * rounded(light, luxel_rounding_[l]));
+                const std::size_t texel = texel_of(surfaces_, surfaces_.luxels[l]);
+                // Up or down otherwise than what was told: rounded twice alike it would be drawn back.
+                const Rgbd now = rho * rounded(light, std::fmod(luxel_rounding_[l] + kGolden * static_cast<double>(own_round_), 1.0));
+                reflected_.texel[texel] = static_cast<Rgb>(now);
+                // What patches of twice the size would change is asked of the patches: of what luxels have put right there it would be made of both. (It may fall below 0: a difference.)
+                coarse_luxels_.texel[texel] = static_cast<Rgb>(static_cast<Rgbd>(coarse_luxels_.texel[texel]) + now - told[k]);
             }
             if (memo_) note_reflected(p);
         }
     });
     std::vector<std::uint32_t> out;
-    for (std::uint32_t p = 0; p < n; ++p) {
-        if (covered_[p] || patch_luxel_first_[p] == patch_luxel_first_[p + 1]) continue;
-        double change = 0;
-        for_row(rows_, p, [&](std::uint32_t patch, auto factor) { change += moved[patch] * mean(Rgbd{1, 1, 1} * factor) * std::numbers::pi; });
-        if (change > kMatters * target * std::max(mean(rest_[p] + solved_direct_[p]), floor_)) out.push_back(p);
-    }
+    if (std::ranges::none_of(moved, [](double m) { return m > 0; })) return out;
+    parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
+        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
+            const double level = std::max(mean(rest_[p] + solved_direct_[p]), floor_);
+            if (covered_[p] || luxels_of(p).empty() || !(level > 0)) continue;
+            for_row(rows_, p, [&](std::uint32_t patch, auto factor) { stale[p] += moved[patch] * mean(Rgbd{1, 1, 1} * factor) * std::numbers::pi / level; });
+        }
+    });
+    for (std::uint32_t p = 0; p < n; ++p)
+        if (stale[p] > kMatters * target) out.push_back(p), stale[p] = 0;
     return out;
 }
 
@@ -495,18 +505,25 @@ Lighting Bake::run() {
     noise_.assign(n, 0), noise_weight_.assign(n, 0);
     new_.assign(n, 0), gathered_hash_.assign(n, 0);
     gathered_.assign(luxels, {}), gathered_variance_.assign(luxels, {}), gathered_there_.assign(luxels, 0);
-    std::vector<std::uint32_t> again = add_emitters(gather_patches(all, Pass::first));
-    luxel_direct(again);
+    const auto until_all_is_met = [&](std::vector<std::uint32_t> patches) {
+        constexpr int kRounds = 4; // more rays meet more lamps; what the last round meets stays with its rays
+        for (int round = 1; round <= kRounds && !patches.empty(); ++round) {
+            patches = add_emitters(gather_patches(patches, round < kRounds ? Pass::again : Pass::last));
+            luxel_direct(patches);
+        }
+    };
     beside_ = luxels_beside(surfaces_, edges_, patches_.piece_patch, luxel_patch_);
+    const std::vector<std::uint32_t> met = add_emitters(gather_patches(all, Pass::first));
+    luxel_direct(met);
+    until_all_is_met(met);
     smooth();
     // Then luxels know better than patches what they reflect; each round makes that right over a bounce more.
     constexpr std::uint64_t kOwnRounds = 3;
+    std::vector<double> stale(n);
     for (own_round_ = 1; own_round_ <= kOwnRounds; ++own_round_) {
-        const std::vector<std::uint32_t> changed = own_light();
+        const std::vector<std::uint32_t> changed = own_light(stale);
         if (changed.empty()) break;
-        const std::vector<std::uint32_t> found = add_emitters(gather_patches(changed, Pass::again));
-        luxel_direct(found);
-        again.insert(again.end(), found.begin(), found.end());
+        until_all_is_met(changed);
         smooth();
     }
     own_round_ = 0;
@@ -514,15 +531,10 @@ Lighting Bake::run() {
     const auto gather = [&] {
         const std::vector<std::uint32_t> before = rays_;
         share_rays(wanted);
+        std::vector<std::uint32_t> more;
         for (std::uint32_t p = 0; p < n; ++p)
-            if (rays_[p] > before[p]) again.push_back(p);
-        std::ranges::sort(again);
-        again.erase(std::unique(again.begin(), again.end()), again.end());
-        constexpr int kRounds = 4; // more rays meet more lamps; what the last round meets stays with its rays
-        for (int round = 1; round <= kRounds && !again.empty(); ++round) {
-            again = add_emitters(gather_patches(again, round < kRounds ? Pass::again : Pass::last));
-            luxel_direct(again);
-        }
+            if (rays_[p] > before[p]) more.push_back(p);
+        until_all_is_met(std::move(more));
         smooth();
         return pilot(one_in);
     };
@@ -532,8 +544,7 @@ Lighting Bake::run() {
     const auto other = [&] { return check.bias * check.bias + check.shortcut * check.shortcut + solution * solution; }; // than noise
     for (int top_up = 0; top_up < kTopUps && check.noise * check.noise + other() > target * target; ++top_up) {
         if (check.direct > 1.3 * kDirectShare * target) {
-            again = share_direct(check.direct, kDirectShare * target);
-            luxel_direct(again);
+            luxel_direct(share_direct(check.direct, kDirectShare * target));
             check.direct = kDirectShare * target;
         }
         const double room = target * target - check.direct * check.direct - other();

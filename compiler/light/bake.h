@@ -23,8 +23,8 @@ constexpr bool is_patch(std::uint32_t hit) {
 // Reflected radiance at hits: luxel by luxel where a texel belongs to one patch, else by patch.
 struct ReflectedLight {
     std::vector<Rgb> texel, patch;
-    std::vector<Rgb> direct;         // the part of `texel` that explicit direct light makes
-    std::vector<std::uint8_t> steep; // per texel: that part changes much towards the texels beside it
+    std::vector<Rgb> direct;         // the part of `texel` that explicit direct light makes, as the solution has it
+    std::vector<std::uint8_t> steep; // per texel: that part changes much towards the texels beside it; as the solution has these
     // Per patch: what its row met at patches far off and at emitters far off that have no rays of their own there, the mean of those rays; below 0: none did.
     std::vector<Rgb> far;
     // Per patch: what is far is told by distances between places, less what a face that is one patch reaches from its own; from where on it is,
@@ -280,7 +280,7 @@ private:
     std::uint64_t seed_at(Vec3 point, std::uint64_t pass) const;
     Vec3 luxel_centroid(const Luxel& luxel) const;
     ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const;
-    std::vector<std::uint32_t> own_light(); // returns patches to which what it changed makes a difference
+    std::vector<std::uint32_t> own_light(std::vector<double>& stale); // returns patches to which what it changed makes a difference
     Rgbd emitted_by(std::uint32_t p) const { return patch_emitter_[p] == UINT32_MAX ? Rgbd{} : emitters_.emitters[patch_emitter_[p]].radiance; }
     bool is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const;
     void far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const;

@@ -65,6 +65,9 @@ void Bake::note_reflected(std::uint32_t p) {
     w(bright_[p], emitted_by(p), patches_.patches[p].reflectance);
     write(w, reflected_, surfaces_, p, luxels);
     reflects_[p] = hash_bytes(w.bytes).low;
+    w.bytes.clear();
+    write(w, coarse_, surfaces_, p, luxels), write(w, coarse_luxels_, surfaces_, p, luxels);
+    reflects_coarse_[p] = hash_bytes(w.bytes).low;
 }
 
 // After a solution: that, and what the guides of others have from it.
@@ -80,10 +83,6 @@ void Bake::note_solution() {
             w.bytes.clear();
             w(bright_[p], emitted_by(p));
             seen[p] = hash_bytes(w.bytes).low;
-            w.bytes.clear();
-            const std::span<const std::uint32_t> luxels = luxels_of(p);
-            write(w, coarse_, surfaces_, p, luxels), write(w, coarse_luxels_, surfaces_, p, luxels);
-            reflects_coarse_[p] = hash_bytes(w.bytes).low;
         }
     });
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {

@@ -49,7 +49,7 @@ const char* kHeader = "scene             method            setting              
 // One target with several seeds; adds its counts to `all`.
 std::string seeds_row(const Truth& truth, const std::vector<Measurement>& runs, Seeds* all) {
     const Seeds s = compare_seeds(truth, runs);
-    all->runs += s.runs, all->within_estimate += s.within_estimate, all->within_high += s.within_high, all->surely_over += s.surely_over;
+    all->runs += s.runs, all->within_estimate += s.within_estimate, all->within_high += s.within_high, all->likely_over += s.likely_over;
     all->over_estimate = std::max(all->over_estimate, s.over_estimate), all->over_high = std::max(all->over_high, s.over_high);
     return fmt::format("  {} seeds, {}, {}: error {:.2f} % ({:.2f} to {:.2f} by the luxels drawn), estimate {:.2f} to {:.2f} %; covered {} and {} times, under by {:.2f} and {:.2f}; between seeds {:.2f} % (own {:.2f}), common {:.2f} % (own {:.2f}), sums {:+.2f} %; {:.2f} Mrays, {:.2f} CPU s\n", s.runs,
                        runs[0].scene, runs[0].setting, s.error, s.least, s.most, s.estimate, s.high, s.within_estimate, s.within_high, s.over_estimate, s.over_high, s.noise, s.own_noise, s.common, s.own_bias, fmt::join(s.bias, " "), s.rays * 1e-6, s.cpu_s);
@@ -226,8 +226,8 @@ int run(LightBenchOptions& o) {
             if (auto written = write_file(o.output + "/" + file, text); !written) return console.fail(written.fault());
     }
     if (known.runs > 0)
-        print_output(fmt::format("the estimate covers the true error in {} of {} bakes, its upper bound in {}, never under by more than {:.2f} and {:.2f} times; of {} bounds the luxels drawn leave no doubt that they are too low\n", known.within_estimate, known.runs, known.within_high,
-                                 std::max(1.0, known.over_estimate), std::max(1.0, known.over_high), known.surely_over));
+        print_output(fmt::format("the estimate covers the true error in {} of {} bakes, its upper bound in {}, never under by more than {:.2f} and {:.2f} times; by the luxels drawn {} bounds are too low with 95 %\n", known.within_estimate, known.runs, known.within_high,
+                                 std::max(1.0, known.over_estimate), std::max(1.0, known.over_high), known.likely_over));
     return print_output(fmt::format("charts of {} scenes: {}/light.html\n", done.size(), o.output));
 }
 

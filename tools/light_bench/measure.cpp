@@ -281,7 +281,7 @@ Seeds compare_seeds(const Truth& truth, std::span<const Measurement> runs) {
     const auto n = static_cast<double>(runs.size());
     for (const Measurement& m : runs) {
         ++out.runs;
-        out.surely_over += m.errors.least > m.high;
+        out.likely_over += m.errors.least > m.high;
         out.least += m.errors.least * m.errors.least / n, out.most += m.errors.most * m.errors.most / n;
         out.within_estimate += m.errors.worst <= m.estimate, out.within_high += m.errors.worst <= m.high, out.within_target += m.errors.worst <= m.target;
         out.error += m.errors.worst * m.errors.worst / n, out.estimate += m.estimate * m.estimate / n, out.high += m.high * m.high / n;

@@ -84,7 +84,7 @@ struct Seeds {
     std::size_t runs = 0, within_estimate = 0, within_high = 0, within_target = 0;
     double error = 0, estimate = 0, high = 0;         // percent, root mean square over the runs
     double over_estimate = 0, over_high = 0;          // the largest true error over each; infinite: told to be none, and there is some
-    std::size_t surely_over = 0;                      // runs whose bound lies below what the true error is at least
+    std::size_t likely_over = 0;                      // runs whose bound lies below `least`: with 95 % it is too low
     double least = 0, most = 0;                       // percent, root mean square over the runs: of Errors
     double noise = 0, common = 0;                     // percent, worst direction: found in the values of the runs
     double own_noise = 0, own_bias = 0;               // what the bake says of those

@@ -129,6 +129,22 @@ TEST(Relight, LampsAboveAHole) {
 }
 
 // One edit after the other, there and back.
+// What luxels have gathered is read by others, round by round.
+TEST(Relight, AShaftBesideARoom) {
+    const auto lamps = [](float much, double x) { return std::vector<Light>{point_light({20, 128, 20}, Rgb{4000, 4000, 4000} * much), point_light({x, 40, 100}, {500, 300, 200})}; };
+    const LightOptions options{.error_percent = 5, .directional = Directional::all};
+    LightMemo memo = empty_memo();
+    baked(shaft_beside_a_room(), lamps(1, 200), &memo, options);
+    for (const auto& after : {lamps(1, 200), lamps(1.05f, 200), lamps(1.4f, 200), lamps(1, 190), lamps(0.2f, 130)}) {
+        LightMemo kept = stored(memo);
+        const Bytes clean = baked(shaft_beside_a_room(), after, nullptr, options);
+        EXPECT_EQ(baked(shaft_beside_a_room(), after, &kept, options, 3), clean);
+        kept = stored(kept); // once more, with what that kept
+        EXPECT_EQ(baked(shaft_beside_a_room(), after, &kept, options), clean);
+        EXPECT_EQ(kept.taken_over(), 1);
+    }
+}
+
 TEST(Relight, ChainOfEdits) {
     LightMemo memo = empty_memo();
     for (int round = 0; round < 2; ++round)

@@ -70,6 +70,18 @@ inline SurfacesBuilder room_under_a_hole(const std::function<MaterialId(Surfaces
     return b;
 }
 
+// A shaft of 16 x 128 units, 96 deep, in the floor of a room.
+inline SurfacesBuilder shaft_beside_a_room() {
+    SurfacesBuilder b;
+    const MaterialId walls = b.material({0.6f, 0.6f, 0.6f});
+    constexpr Rect kMouth{120, 64, 136, 192};
+    b.room({{0, 0, 0}, {256, 256, 128}}, all(walls), {.luxel = 16}, {{{}, {}, {}, {}, {kMouth}, {}}});
+    std::array<MaterialId, 6> sides = all(walls);
+    sides[5] = MaterialId{};
+    b.room({{kMouth.x0, kMouth.y0, -96}, {kMouth.x1, kMouth.y1, 0}}, sides, {.luxel = 8});
+    return b;
+}
+
 inline MaterialId glass(SurfacesBuilder& b, float alpha, Rgb reflectance = {}, std::optional<Rgb> tint = {}, Rgb emission = {}) {
     const MaterialId id = b.material(reflectance, emission, kTranslucent);
     Material& m = b.world.materials[id.at()];
