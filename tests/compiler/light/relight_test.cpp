@@ -128,7 +128,6 @@ TEST(Relight, LampsAboveAHole) {
     EXPECT_TRUE(some);
 }
 
-// One edit after the other, there and back.
 // What luxels have gathered is read by others, round by round.
 TEST(Relight, AShaftBesideARoom) {
     const auto lamps = [](float much, double x) { return std::vector<Light>{point_light({20, 128, 20}, Rgb{4000, 4000, 4000} * much), point_light({x, 40, 100}, {500, 300, 200})}; };
@@ -145,6 +144,7 @@ TEST(Relight, AShaftBesideARoom) {
     }
 }
 
+// One edit after the other, there and back.
 TEST(Relight, ChainOfEdits) {
     LightMemo memo = empty_memo();
     for (int round = 0; round < 2; ++round)
