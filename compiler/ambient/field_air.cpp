@@ -205,7 +205,8 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
     constexpr double kWide = 32; // map units: as what a cube lights, which holes smaller than that do not pattern
     if (scene.has_panes())
         air.light_through = [&lights, &scene](std::uint32_t l, Vec3 point) {
-            return lights[l].kind == LightKind::sun ? scene.transmitted_from_sky(point, -lights[l].direction, {.start = kWide}) : scene.transmitted(point, lights[l].position, {.start = kWide});
+            const bool sun = lights[l].kind == LightKind::sun;
+            return scene.transmitted({point, sun ? -lights[l].direction : lights[l].position, sun, {.start = kWide}}).share;
         };
     return air;
 }

@@ -110,7 +110,7 @@ Bake::Bake(const World& world, const Bsp& bsp, const Surfaces& surfaces, const s
            const LightOptions& options, LightMemo* memo, const Visibility* seen, Context& context)
     : world_(world), surfaces_(surfaces), lights_(lights), options_(options), sealed_(std::ranges::any_of(bsp.leaves, &BspLeaf::outside)), memo_(memo), context_(context),
       quality_(Quality::of(options)), corner_(least_corner(surfaces)), scene_(world, surfaces), index_(surfaces),
-      emitters_(world, surfaces, sky_radiance(lights)), sight_(world, surfaces, bsp, seen, scene_, lights, emitters_) {}
+      sky_(sky_radiance(lights)), emitters_(world, surfaces, sky_), sight_(world, surfaces, bsp, seen, scene_, lights, emitters_) {}
 
 std::uint64_t Bake::seed_at(Vec3 p, std::uint64_t pass) const {
     return mix_place(p - corner_, options_.seed, pass);
@@ -408,7 +408,8 @@ Rgbd Bake::rounded(Rgbd light, double up) const {
     for (std::size_t c = 0; c < 3; ++c) { // each by itself, as errors are measured
         const double scale = std::max(light[c], floor_);
         if (!(scale > 0)) continue;
-        const double step = std::exp2(std::floor(std::log2(scale))) * quality_.read_step;
+        const double power = std::bit_cast<double>(std::bit_cast<std::uint64_t>(scale) & 0x7FF0000000000000u); // of two, the greatest in it
+        const double step = power * quality_.read_step;
         light[c] = std::floor(light[c] / step + up) * step;
     }
     return light;

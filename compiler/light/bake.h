@@ -81,7 +81,15 @@ struct HemisphereMap {
     }
     double density(double z) const { return (2 * a * z + 1 - a) * 0.15915494309189535; }
     // Where a cosine-distributed point of the square would have to lie for this map to give the same direction.
-    Vec2 from_cosine(Vec2 square) const;
+    Vec2 from_cosine(Vec2 square) const {
+        if (a >= 1) return square;
+        const Vec2 c{2 * square.x - 1, 2 * square.y - 1};
+        const double r = std::max(std::abs(c.x), std::abs(c.y));
+        if (!(r > 0)) return square;
+        const double z = std::sqrt(std::max(0.0, 1 - r * r));
+        const double scale = std::sqrt(std::max(0.0, 1 - (a * z + 1 - a) * z)) / r;
+        return {(c.x * scale + 1) / 2, (c.y * scale + 1) / 2};
+    }
 };
 
 // 16 x 16 histogram on the primary square, mixed with a uniform share so that nothing can be missed.
@@ -208,10 +216,16 @@ private:
     void choose_lights(const std::vector<Rgbd>& irradiance);
     bool listed(std::uint32_t patch, std::uint32_t emitter) const;
     std::uint64_t stream_of(const LightRef& ref) const;
-    void direct_at(std::span<const LightRef> refs, const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
-                   const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays, double* variance, // += of the mean, from its places
-                   std::vector<std::uint8_t>* divided,        // set for lights that the test rays were wrong about; `refs`: of lists_[patch]
-                   bool closely = false) const;               // rays decide for all lights, whatever the test rays of the patch said
+    struct Receiver { // of direct light: a luxel, or a patch
+        const Footprint* footprint;
+        const LuxelKernel* kernel;
+        std::uint64_t seed;
+        KernelSum sum{};
+        double variance = 0; // of the sum, from its places
+    };
+    // Adds what a light of the patch's list brings. `closely`: rays decide, whatever the test rays of the patch said; else it is told whether those were wrong about a receiver.
+    bool direct_from(const LightRef& ref, std::uint32_t patch, std::span<Receiver> receivers, bool closely, std::uint64_t* rays) const;
+    KernelSum direct_at(std::uint32_t patch, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely = false) const;
     double threshold(std::uint32_t patch,
                      std::uint32_t emitter) const; // form factor from which on it is worth rays of its own
     bool looks_many_ways(std::uint32_t patch) const;
@@ -300,6 +314,7 @@ private:
     Vec3 corner_; // seeds go by places from here
     TraceScene scene_;
     LuxelIndex index_;
+    Rgbd sky_; // radiance
     EmitterSet emitters_;
     LightSight sight_;
     PieceEdges edges_;

@@ -190,12 +190,11 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     ++tested, ++rays;
                     const double part = std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
                     in_full_view += part;
-                    bool blocked = false;
-                    const Rgbd through = scene_.transmitted(x, y, {.start = radius / std::sqrt(1.0 * tests), .end = std::sqrt(emitter.area / tests), .start_normal = at.normal, .end_normal = emitter.normal}, &blocked);
-                    if (blocked) continue;
-                    filtered |= through != Rgbd{1, 1, 1};
+                    const Transmitted through = scene_.transmitted({x, y, false, {.start = radius / std::sqrt(1.0 * tests), .end = std::sqrt(emitter.area / tests), .start_normal = at.normal, .end_normal = emitter.normal}});
+                    if (through.blocked) continue;
+                    filtered |= through.share != Rgbd{1, 1, 1};
                     ++seen;
-                    in_view += part, factor += mean(through) * part;
+                    in_view += part, factor += mean(through.share) * part;
                 }
                 if (tested >= kLeastTests && in_full_view >= kLarge * tried && in_view <= (1 - kHidden) * in_full_view) {
                     behind_[p].push_back(i);
@@ -229,12 +228,11 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                         continue;
                     }
                     ++tested, ++rays;
-                    bool blocked = false;
-                    const Rgbd through = arriving(scene_, x, s, radius / std::sqrt(1.0 * tests), at.normal, part_of_disc(light, tests), &blocked);
-                    if (blocked) continue;
-                    filtered |= through != Rgbd{1, 1, 1};
+                    const Transmitted through = scene_.transmitted(ray_to(s, x, radius / std::sqrt(1.0 * tests), at.normal, part_of_disc(light, tests)));
+                    if (through.blocked) continue;
+                    filtered |= through.share != Rgbd{1, 1, 1};
                     ++seen;
-                    brought += mean(through) * (mean(s.weight) * dot(s.direction, at.normal) + mean(s.ambient));
+                    brought += mean(through.share) * (mean(s.weight) * dot(s.direction, at.normal) + mean(s.ambient));
                 }
                 if (!tested) continue;
                 found += brought / tested;
@@ -334,130 +332,176 @@ std::uint64_t Bake::stream_of(const LightRef& ref) const {
     return mix_place(light.direction + (light.kind == LightKind::sun ? Vec3{} : light.position - corner_), static_cast<std::uint64_t>(light.kind));
 }
 
-// Explicit light averaged over a footprint. Places and points on the light share one sequence.
-void Bake::direct_at(std::span<const LightRef> refs, const Footprint& footprint, std::uint32_t patch, std::uint64_t seed,
-                     const LuxelKernel& kernel, KernelSum* sum, std::uint64_t* rays, double* variance, std::vector<std::uint8_t>* divided, bool closely) const {
+// Explicit light averaged over footprints. Places and points on the light share one sequence. Of all footprints rays are traced together.
+bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Receiver> receivers, bool closely, std::uint64_t* rays) const {
     using Point = Footprint::Point;
     const auto share = looks_many_ways(patch) ? EmitterSet::Share::solid : EmitterSet::Share::cosine;
-    for (const LightRef& ref : refs) {
-        const Sobol points(mix(seed, stream_of(ref)));
-        const auto lifted = [&](Point p) { return Point{p.position + p.normal * scene_.push_off(), p.normal}; };
-        const auto place = [&](std::uint32_t index) { return lifted(footprint.sample(points.pair(index, 0))); };
-        const Point middle = footprint.bent() ? place(0) : lifted({footprint.centroid(), footprint.normal()});
-        // Light at one place, from `each` points at least of an emitter; `trace`: only what arrives, counted in
-        // `seen`.
-        std::uint32_t seen = 0, tested = 0;
-        // Panes take their share of each ray, by its part of the luxel (`width`) and of the light; `filter`: where no ray is traced as well.
-        bool filter = false;
-        double width = std::sqrt(footprint.area()), least_through = 1, most_through = 0;
-        std::uint32_t parts_of_disc = 1;
-        const auto note = [&](Rgbd through) {
-            const double arrives = mean(through);
-            least_through = std::min(least_through, arrives), most_through = std::max(most_through, arrives);
-        };
-        const auto shine = [&](const Point& at, std::uint32_t index, std::uint32_t each, bool trace, KernelSum* out) {
-            const Vec3 x = at.position, normal = at.normal;
-            if (ref.is_emitter) {
-                const Emitter& e = emitters_.emitters[ref.light];
-                const Vec3 off = e.normal * scene_.push_off();
-                const auto bring = [&](Vec3 y, Vec3 flux) {
-                    Rgbd through{1, 1, 1};
-                    if (trace || filter) {
-                        bool blocked = false;
-                        through = scene_.transmitted(x, y + off, {.start = width, .end = std::sqrt(e.area / each), .start_normal = normal, .end_normal = e.normal}, &blocked);
-                        tested += trace;
-                        if (blocked) return;
-                        seen += trace, note(through);
-                    }
-                    if (!out) return;
-                    const double solid = length(flux);
-                    kernel.add(*out, flux / solid, through * (e.radiance * solid));
-                };
-                if (!trace) {
-                    emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, EmitterSet::Arrival::whole, share, bring);
-                    return;
-                }
-                emitters_.sample_few(ref.light, x, normal, index * each, each, points(index, 4), points, 2e-4, share, bring);
-                return;
-            }
-            const Light& light = lights_[ref.light];
-            // Of a sun in full view many points of its disc: where it grazes a surface one of them says little.
-            const std::uint32_t many = !trace && light.kind == LightKind::sun && light.angular_radius_rad > 0 ? each : 1;
-            for (std::uint32_t k = 0; k < many; ++k) {
-                LightSample s;
-                if (!sample_light(light, x, normal, points.pair(index * many + k, 2), &s)) continue;
-                Rgbd through{1, 1, 1};
-                if (trace || filter) {
-                    bool blocked = false;
-                    through = arriving(scene_, x, s, width, normal, part_of_disc(light, trace ? parts_of_disc : many), &blocked);
-                    tested += trace;
-                    if (blocked && trace) return;
-                    if (blocked) continue;
-                    seen += trace, note(through);
-                }
-                if (!out) return;
-                kernel.add(*out, s.direction, through * (s.weight * (1.0 / many)));
-                if (light.angle_scale < 1) kernel.add(*out, normal, through * (s.ambient * (1.0 / many)));
-            }
-        };
-        if (!ref.penumbra && !closely) {
-            // In full view of the patch, or not seen at all: a few rays to make sure, more for a strong light.
-            // Where they agree there is no noise: the light is evaluated in the middle, its gradient cancels over
-            // the luxel. What does not is about (size / distance)^2, shared by the places where it is evaluated.
-            const std::uint32_t checks = ref.samples <= 2 && !ref.filtered ? 1 : 4;
+    const auto lifted = [&](Point p) { return Point{p.position + p.normal * scene_.push_off(), p.normal}; };
+    struct At { // a receiver
+        Sobol points;
+        Point middle;
+    };
+    thread_local std::vector<At> at;
+    at.clear();
+    const auto place = [&](std::size_t r, std::uint32_t index) { return lifted(receivers[r].footprint->sample(at[r].points.pair(index, 0))); };
+    for (std::size_t r = 0; r < receivers.size(); ++r) {
+        const Footprint& footprint = *receivers[r].footprint;
+        at.push_back({Sobol(mix(receivers[r].seed, stream_of(ref))), {}});
+        at[r].middle = footprint.bent() ? place(r, 0) : lifted({footprint.centroid(), footprint.normal()});
+    }
+    // Rays from one place to `each` points of an emitter at least: a `few`, or so many that none has to be traced. visit(ray, way, weight, ambient): what it brings,
+    // along its way and along the normal. `width` of a part of the footprint, `discs`: parts of a sun's disc.
+    const auto shine = [&](const Sobol& points, const Point& from, std::uint32_t index, std::uint32_t each, bool few, double width, std::uint32_t discs, const auto& visit) {
+        const Vec3 x = from.position, normal = from.normal;
+        if (ref.is_emitter) {
+            const Emitter& e = emitters_.emitters[ref.light];
+            const Vec3 off = e.normal * scene_.push_off();
+            const auto bring = [&](Vec3 y, Vec3 flux) {
+                const double solid = length(flux);
+                visit(LightRay{x, y + off, false, {.start = width, .end = std::sqrt(e.area / each), .start_normal = normal, .end_normal = e.normal}}, flux / solid, e.radiance * solid, Rgbd{});
+            };
+            if (few) emitters_.sample_few(ref.light, x, normal, index * each, each, points(index, 4), points, 2e-4, share, bring);
+            else emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, EmitterSet::Arrival::whole, share, bring);
+            return;
+        }
+        const Light& light = lights_[ref.light];
+        // Of a sun in full view many points of its disc: where it grazes a surface one of them says little.
+        const std::uint32_t many = !few && light.kind == LightKind::sun && light.angular_radius_rad > 0 ? each : 1;
+        for (std::uint32_t k = 0; k < many; ++k) {
+            LightSample s;
+            if (sample_light(light, x, normal, points.pair(index * many + k, 2), &s))
+                visit(ray_to(s, x, width, normal, part_of_disc(light, few ? discs : many)), s.direction, s.weight * (1.0 / many), s.ambient * (1.0 / many));
+        }
+    };
+    const auto add = [&](const LuxelKernel& kernel, KernelSum& sum, Vec3 way, Rgbd weight, Vec3 normal, Rgbd ambient) {
+        kernel.add(sum, way, weight);
+        if (ambient != Rgbd{}) kernel.add(sum, normal, ambient);
+    };
+    thread_local std::vector<LightRay> queue;
+    thread_local std::vector<Transmitted> told;
+    thread_local std::vector<std::size_t> edges, first; // receivers of which rays decide; of each, in the queue
+    edges.clear(), first.clear(), queue.clear();
+    if (ref.penumbra || closely) {
+        edges.resize(receivers.size());
+        std::iota(edges.begin(), edges.end(), std::size_t{0});
+    } else {
+        // In full view of the patch, or not seen at all: a few rays to make sure, more for a strong light.
+        // Where they agree there is no noise: the light is evaluated in the middle, its gradient cancels over
+        // the luxel. What does not is about (size / distance)^2, shared by the places where it is evaluated.
+        const std::uint32_t checks = ref.samples <= 2 && !ref.filtered ? 1 : 4;
+        for (std::size_t r = 0; r < receivers.size(); ++r) {
+            first.push_back(queue.size());
             for (std::uint32_t k = 0; k < checks; ++k)
-                shine(checks == 1 && !ref.hidden ? middle : place(k), k, 1, true, nullptr);
-            *rays += tested;
-            if (seen == (ref.hidden ? 0 : tested)) {
-                if (ref.hidden) continue;
-                filter = ref.filtered || least_through < 1;
-                // A grid where there can be one: its gradients cancel as that of the middle does.
-                const double wanted = footprint.area() / (square(distance_to(ref, middle.position)) * 0.01 * options_.error_percent);
-                const bool grid = footprint.whole_square();
-                std::uint32_t side = grid ? 1 : 2;
-                while (side < kMostSide && side * side < wanted) side = grid && side < 4 ? side + 1 : 2 * side;
-                // What panes let through differs over the luxel: within the squares of a grid their textures are averaged exactly, their rims are not.
-                if (most_through - least_through > kAlike * 0.01 * options_.error_percent * most_through) side = std::max(side, options_.error_percent > 6 ? 4u : 8u);
-                const std::uint32_t places = side * side;
-                width /= side;
-                // A part that the horizon of a tilted normal cuts brings more than its mean direction does: next to a wall of light
-                // with parts as coarse as one point a place allows floors were 5 to 7 % too dark along such normals.
-                const auto across = [&](const Emitter& e) { return kernel.bends_over(e.center - middle.position, e.radius + std::sqrt(footprint.area())); };
-                const bool cut = ref.is_emitter && share == EmitterSet::Share::solid && (!emitters_.is_far(ref.light, middle.position, middle.normal) || across(emitters_.emitters[ref.light]));
-                const std::uint32_t each = cut ? kFullView : std::max(1u, std::bit_floor(kFullView / places));
-                KernelSum part;
-                for (std::uint32_t k = 0; k < places; ++k) {
-                    const Vec2 at{(k % side + 0.5) / side, (k / side + 0.5) / side};
-                    shine(!grid ? place(k) : side == 1 ? middle : lifted(footprint.sample(at)), k, each, false, &part);
-                }
-                part *= 1.0 / places;
-                *sum += part;
+                shine(at[r].points, checks == 1 && !ref.hidden ? at[r].middle : place(r, k), k, 1, true, std::sqrt(receivers[r].footprint->area()), 1,
+                      [](const LightRay& ray, Vec3, Rgbd, Rgbd) { queue.push_back(ray); });
+        }
+        first.push_back(queue.size());
+        scene_.transmitted(queue, told);
+        *rays += queue.size();
+        for (std::size_t r = 0; r < receivers.size(); ++r) {
+            std::size_t seen = 0;
+            double least_through = 1, most_through = 0;
+            for (std::size_t k = first[r]; k < first[r + 1]; ++k) {
+                if (told[k].blocked) continue;
+                const double arrives = mean(told[k].share);
+                ++seen, least_through = std::min(least_through, arrives), most_through = std::max(most_through, arrives);
+            }
+            if (seen != (ref.hidden ? 0 : first[r + 1] - first[r])) {
+                edges.push_back(r);
                 continue;
             }
-            if (divided) (*divided)[static_cast<std::size_t>(&ref - lists_[patch].data())] = 1;
-            seen = tested = 0;
+            if (ref.hidden) continue;
+            const Footprint& footprint = *receivers[r].footprint;
+            const LuxelKernel& kernel = *receivers[r].kernel;
+            const Point& middle = at[r].middle;
+            const bool filter = ref.filtered || least_through < 1;
+            // A grid where there can be one: its gradients cancel as that of the middle does.
+            const double wanted = footprint.area() / (square(distance_to(ref, middle.position)) * 0.01 * options_.error_percent);
+            const bool grid = footprint.whole_square();
+            std::uint32_t side = grid ? 1 : 2;
+            while (side < kMostSide && side * side < wanted) side = grid && side < 4 ? side + 1 : 2 * side;
+            // What panes let through differs over the luxel: within the squares of a grid their textures are averaged exactly, their rims are not.
+            if (most_through - least_through > kAlike * 0.01 * options_.error_percent * most_through) side = std::max(side, options_.error_percent > 6 ? 4u : 8u);
+            const std::uint32_t places = side * side;
+            // A part that the horizon of a tilted normal cuts brings more than its mean direction does: next to a wall of light
+            // with parts as coarse as one point a place allows floors were 5 to 7 % too dark along such normals.
+            const auto across = [&](const Emitter& e) { return kernel.bends_over(e.center - middle.position, e.radius + std::sqrt(footprint.area())); };
+            const bool cut = ref.is_emitter && share == EmitterSet::Share::solid && (!emitters_.is_far(ref.light, middle.position, middle.normal) || across(emitters_.emitters[ref.light]));
+            const std::uint32_t each = cut ? kFullView : std::max(1u, std::bit_floor(kFullView / places));
+            KernelSum part;
+            for (std::uint32_t k = 0; k < places; ++k) {
+                const Vec2 in{(k % side + 0.5) / side, (k / side + 0.5) / side};
+                const Point from = !grid ? place(r, k) : side == 1 ? middle : lifted(footprint.sample(in));
+                shine(at[r].points, from, k, each, false, std::sqrt(footprint.area()) / side, 1, [&](const LightRay& ray, Vec3 way, Rgbd weight, Rgbd ambient) {
+                    const Transmitted arrives = filter ? scene_.transmitted(ray) : Transmitted{{1, 1, 1}};
+                    if (!arrives.blocked) add(kernel, part, way, arrives.share * weight, from.normal, arrives.share * ambient);
+                });
+            }
+            part *= 1.0 / places;
+            receivers[r].sum += part;
         }
-        // A shadow edge. The number of rays follows from the patch's test rays, never from these: were it made by
-        // these, edges would lose the light of luxels hardly lit. A large or near emitter is many lights: fewer
-        // places, more points on it from each.
-        const bool near = ref.is_emitter && !emitters_.is_far(ref.light, middle.position, middle.normal);
-        const std::uint32_t samples = std::uint32_t{ref.samples} * effort_[patch];
+        if (edges.empty()) return false;
+    }
+    // A shadow edge. The number of rays follows from the patch's test rays, never from these: were it made by
+    // these, edges would lose the light of luxels hardly lit. A large or near emitter is many lights: fewer
+    // places, more points on it from each.
+    struct Brought { // by a ray of the queue
+        Vec3 way, normal;
+        Rgbd weight, ambient;
+        std::uint32_t place;
+    };
+    thread_local std::vector<Brought> brought;
+    struct Part { // of the queue
+        std::size_t receiver, first;
+        std::uint32_t places;
+    };
+    thread_local std::vector<Part> parts;
+    const std::uint32_t samples = std::uint32_t{ref.samples} * effort_[patch];
+    const auto flush = [&] {
+        scene_.transmitted(queue, told);
+        *rays += queue.size();
+        for (std::size_t i = 0; i < parts.size(); ++i) {
+            Receiver& receiver = receivers[parts[i].receiver];
+            const std::size_t end = i + 1 < parts.size() ? parts[i + 1].first : queue.size();
+            const std::uint32_t places = parts[i].places;
+            KernelSum part;
+            double squares = 0;
+            for (std::size_t k = parts[i].first; k < end;) {
+                KernelSum one;
+                for (const std::uint32_t from = brought[k].place; k < end && brought[k].place == from; ++k)
+                    if (!told[k].blocked) add(*receiver.kernel, one, brought[k].way, told[k].share * brought[k].weight, brought[k].normal, told[k].share * brought[k].ambient);
+                squares += square(mean(one.flat));
+                part += one;
+            }
+            part *= 1.0 / places;
+            receiver.variance += std::max(0.0, squares / places - square(mean(part.flat))) / (places - 1);
+            receiver.sum += part;
+        }
+        queue.clear(), brought.clear(), parts.clear();
+    };
+    constexpr std::size_t kTogether = 256; // rays
+    queue.clear(), brought.clear();
+    for (const std::size_t r : edges) {
+        const bool near = ref.is_emitter && !emitters_.is_far(ref.light, at[r].middle.position, at[r].middle.normal);
         const std::uint32_t places = near ? std::max<std::uint32_t>(samples / 8, samples < 8 ? 2 : 4) : samples;
         const std::uint32_t each = near ? 2 * samples / places : 1;
-        width = std::sqrt(footprint.area() / places), parts_of_disc = places;
-        KernelSum part;
-        double squares = 0;
+        parts.push_back({r, queue.size(), places});
         for (std::uint32_t k = 0; k < places; ++k) {
-            KernelSum one;
-            shine(place(k), k, each, true, &one);
-            squares += square(mean(one.flat));
-            part += one;
+            const Point from = place(r, k);
+            shine(at[r].points, from, k, each, true, std::sqrt(receivers[r].footprint->area() / places), places,
+                  [&](const LightRay& ray, Vec3 way, Rgbd weight, Rgbd ambient) { queue.push_back(ray), brought.push_back({way, from.normal, weight, ambient, k}); });
         }
-        part *= 1.0 / places;
-        if (variance) *variance += std::max(0.0, squares / places - square(mean(part.flat))) / (places - 1);
-        *sum += part;
-        *rays += tested;
+        if (queue.size() >= kTogether) flush();
     }
+    flush();
+    return !ref.penumbra && !closely;
+}
+
+// All lights of the patch at one place near it.
+KernelSum Bake::direct_at(std::uint32_t patch, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely) const {
+    Receiver at{&footprint, &kernel, seed};
+    for (const LightRef& ref : lists_[patch]) direct_from(ref, patch, {&at, 1}, closely, rays);
+    return at.sum;
 }
 
 // A light's part in a luxel depends on no other light: the memo has them one by one.
@@ -480,6 +524,7 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     }
     std::vector<Footprint> footprints; // made when they are asked for
     std::vector<LuxelKernel> kernels;
+    std::vector<Receiver> receivers;
     const std::size_t n = luxels.size();
     now.luxels.resize(list.size());
     now.divided.resize(list.size()), now.rays.resize(list.size());
@@ -490,17 +535,17 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
             now.divided[r] = kept.divided[found[r]], now.rays[r] = kept.rays[found[r]];
         } else {
             for (std::size_t i = footprints.size(); i < n; ++i) footprints.push_back(footprint_of_luxel(luxels[i])), kernels.push_back(kernel_of(luxels[i]));
+            receivers.clear();
+            for (std::size_t i = 0; i < n; ++i)
+                if (!footprints[i].empty()) receivers.push_back({&footprints[i], &kernels[i], seed_at(luxel_centroid(surfaces_.luxels[luxels[i]]), pass)});
+            now.divided[r] = direct_from(list[r], p, receivers, false, &now.rays[r]);
             part.resize(n);
             bool dark = true;
-            for (std::size_t i = 0; i < n; ++i) {
+            for (std::size_t i = 0, k = 0; i < n; ++i) {
                 if (footprints[i].empty()) continue;
-                KernelSum sum;
-                double variance = 0;
-                direct_at({&list[r], 1}, footprints[i], p, seed_at(luxel_centroid(surfaces_.luxels[luxels[i]]), pass), kernels[i], &sum, &now.rays[r], &variance, divided);
-                part[i] = {StoredSum(sum), static_cast<float>(variance)};
+                part[i] = {StoredSum(receivers[k].sum), static_cast<float>(receivers[k].variance)}, ++k;
                 dark = dark && part[i].sum.flat == Rgb{} && part[i].sum.rnm == std::array<Rgb, 3>{} && part[i].variance == 0;
             }
-            now.divided[r] = (*divided)[r];
             if (dark) part.clear();
         }
         double brought = 0;
@@ -614,9 +659,7 @@ std::vector<Rgbd> Bake::patch_direct() {
         constexpr int kTimes = 4; // a whole face: several places
         std::uint64_t rays = 0;
         for (std::uint64_t t = 0; t < kTimes; ++t) {
-            KernelSum sum;
-            direct_at(lists_[p], footprint, p, seed_at(patch.centroid, 16 + t), kernel, &sum, &rays, nullptr, nullptr);
-            out[p] += sum.flat * (1.0 / kTimes);
+            out[p] += direct_at(p, footprint, kernel, seed_at(patch.centroid, 16 + t), &rays).flat * (1.0 / kTimes);
         }
         shadow_rays_ += rays;
     }

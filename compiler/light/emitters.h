@@ -304,10 +304,9 @@ struct LightSample {
     bool distant = false; // sun: visible where a ray reaches the sky
 };
 bool sample_light(const Light& light, Vec3 x, Vec3 n, Vec2 u, LightSample* out);
-// The share of it that arrives. `place`: width of what x stands for, on a surface of that normal; `disc`: of what the sample stands for, of a sun.
-inline Rgbd arriving(const TraceScene& scene, Vec3 x, const LightSample& s, double place = 0, Vec3 normal = {}, double disc = 0, bool* blocked = nullptr) {
-    return s.distant ? scene.transmitted_from_sky(x, s.direction, {.start = place, .end = disc, .start_normal = normal}, blocked)
-                     : scene.transmitted(x, s.position, {.start = place, .start_normal = normal}, blocked);
+// From x towards it. `place`: width of what x stands for, on a surface of that normal; `disc`: of what the sample stands for, of a sun.
+inline LightRay ray_to(const LightSample& s, Vec3 x, double place = 0, Vec3 normal = {}, double disc = 0) {
+    return {x, s.distant ? s.direction : s.position, s.distant, {.start = place, .end = s.distant ? disc : 0, .start_normal = normal}};
 }
 // Width of one of `samples` parts of a sun's disc, a unit of way.
 inline double part_of_disc(const Light& light, double samples) {

@@ -71,17 +71,16 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& coarse, cons
     for (std::uint32_t r = 0; r < kReplicates; ++r) {
         const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
         std::array<Other, 2> others{{{&coarse, {}}, {&close, {}}}};
-        KernelSum direct;
         KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, std::span(others).first(rough ? 1 : 2), looked).sum;
         std::uint64_t shadow = 0;
-        direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 1), kernel, &direct, &shadow, nullptr, nullptr);
+        const KernelSum direct = direct_at(luxel_patch_[l], footprint, kernel, mix(seed, 1), &shadow);
         rest += fine, directs[r] = direct;
         fine += direct, others[0].sum += direct;
         result.value[r] = kernel.displayed(kernel.shown(fine));
         const std::array<Rgbd, 4> in_coarse = kernel.displayed(kernel.shown(others[0].sum));
         for (std::size_t k = 0; k < 4; ++k) result.to_coarse[r][k] = in_coarse[k] - result.value[r][k];
         if (!rough) {
-            direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], mix(seed, 2), kernel, &others[1].sum, &shadow, nullptr, nullptr, true);
+            others[1].sum += direct_at(luxel_patch_[l], footprint, kernel, mix(seed, 2), &shadow, true);
             const std::array<Rgbd, 4> closely = kernel.displayed(kernel.shown(others[1].sum));
             for (std::size_t k = 0; k < 4; ++k) result.to_close[r][k] = closely[k] - result.value[r][k];
         }
@@ -96,8 +95,7 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& coarse, cons
     const auto light = [&](const LuxelKernel& k) {
         KernelSum arriving = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr, {}, looked).sum;
         std::uint64_t shadow = 0;
-        direct_at(lists_[luxel_patch_[l]], footprint, luxel_patch_[l], seed_at(luxel_centroid(luxel), 9), k, &arriving, &shadow, nullptr, nullptr);
-        return arriving;
+        return arriving += direct_at(luxel_patch_[l], footprint, k, seed_at(luxel_centroid(luxel), 9), &shadow);
     };
     const KernelSum base = light(kernel);
     const std::array<Rgb, 3> stored = kernel.finish(base);
@@ -265,7 +263,6 @@ double Bake::solution_noise() const {
     constexpr double kLeft = 0.1; // of the whole: what may be left of later bounces
     const std::uint32_t m = quality_.row_rays, part = m / kQuarters;
     const std::size_t n = patches_.patches.size();
-    const Rgbd sky = sky_radiance(lights_);
     const auto row_ray = [&](std::uint64_t ray, const auto& meets) { // meets(patch, what of its light arrives)
         const std::uint32_t hit = hits_[ray];
         if (is_patch(hit)) meets(hit, 1.0);
@@ -288,7 +285,7 @@ double Bake::solution_noise() const {
             Rgbd emitted, met;
             for (std::uint64_t ray = std::uint64_t{p} * m + q * part; ray < std::uint64_t{p} * m + (q + 1) * part; ++ray) {
                 const std::uint32_t hit = hits_[ray], emitter = emitter_of(hit);
-                if (hit == kHitEscaped) emitted += sky;
+                if (hit == kHitEscaped) emitted += sky_;
                 else if (hit == kHitPanes) emitted += emission_through_panes(ray, p, true);
                 else if (emitter != UINT32_MAX && !listed(p, emitter)) emitted += emitters_.emitters[emitter].radiance;
                 row_ray(ray, [&](std::uint32_t patch, auto arrives) { met += reflected[patch] * arrives; });

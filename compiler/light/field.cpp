@@ -163,7 +163,7 @@ void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, co
         for (std::uint32_t k = 0; k < samples; ++k) {
             LightSample s;
             if (!sample_light(light, x, normal, points.pair(k, 0), &s)) continue;
-            const Rgbd through = kiln::arriving(d.scene, x, s, 0, {}, part_of_disc(light, samples));
+            const Rgbd through = d.scene.transmitted(ray_to(s, x, 0, {}, part_of_disc(light, samples))).share;
             if (!(max_component(through) > 0)) continue;
             arrival(s.direction, through * (s.weight * (1.0 / samples)));
             if (light.angle_scale < 1)
@@ -313,7 +313,7 @@ FieldEmitters LightField::emitters(const FieldBundle& bundle, std::span<const Rg
         if (!seen) continue;
         out.listed.push_back(i);
         d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
-            const Rgbd arrives = d.scene.transmitted(x, y + off, {.end = std::sqrt(emitter_i.area / samples), .end_normal = emitter_i.normal});
+            const Rgbd arrives = d.scene.transmitted({.from = x, .to = y + off, .widths = {.end = std::sqrt(emitter_i.area / samples), .end_normal = emitter_i.normal}}).share;
             if (!(max_component(arrives) > 0)) return;
             const double share = length(flux);
             out.arrivals.push_back({flux / share, arrives * (emitter_i.radiance * share)});

@@ -24,6 +24,17 @@ struct Widths {
     Vec3 start_normal{}, end_normal{}; // of the squares; none: across the ray
 };
 
+// From a place towards a light.
+struct LightRay {
+    Vec3 from, to;        // map units
+    bool distant = false; // `to` is a unit direction, and light comes where that meets a sky face
+    Widths widths{};      // `length` need not be set
+};
+struct Transmitted {
+    Rgbd share;           // 0 where something blocks it; so it is, too, where a pane lets nothing through
+    bool blocked = false; // only in the first case
+};
+
 // Where a ray crosses a pane: what is seen of it (times its own reflected light) and what comes through.
 struct PaneHit {
     SceneHit hit;
@@ -52,11 +63,9 @@ public:
     bool has_panes() const;
     // Those that a ray crosses before `far`, nearest first.
     void panes(Vec3 origin, Vec3 unit_direction, double far, const Widths& widths, std::vector<PaneHit>& out) const;
-    // The share of light that comes from one point to another: 0 where something blocks it (then `blocked` is set; a pane that lets nothing through
-    // just there does not). `widths.length` need not be set.
-    Rgbd transmitted(Vec3 from, Vec3 to, Widths widths = {}, bool* blocked = nullptr) const;
-    // The same of light from a sky face (`widths`: a cone).
-    Rgbd transmitted_from_sky(Vec3 origin, Vec3 unit_direction, const Widths& widths = {}, bool* blocked = nullptr) const;
+    // The share of light that arrives; of many rays together faster where they lie close to each other.
+    Transmitted transmitted(const LightRay& ray) const;
+    void transmitted(std::span<const LightRay> rays, std::vector<Transmitted>& out) const;
     // Does no light come through the face, whole or in part?
     bool stops(FaceId face) const;
     // How far in front of its surface a ray should start, map units.

@@ -3,6 +3,7 @@
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
 #include <numbers>
+#include <numeric>
 
 namespace kiln {
 namespace {
@@ -30,35 +31,23 @@ constexpr double kLeastDetermination = 0.75;     // coefficient of determination
 constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to the minus this
 } // namespace
 
-Vec2 HemisphereMap::from_cosine(Vec2 square) const {
-    if (a >= 1) return square;
-    const Vec2 c{2 * square.x - 1, 2 * square.y - 1};
-    const double r = std::max(std::abs(c.x), std::abs(c.y));
-    if (!(r > 0)) return square;
-    const double z = std::sqrt(std::max(0.0, 1 - r * r));
-    const double scale = std::sqrt(std::max(0.0, 1 - (a * z + 1 - a) * z)) / r;
-    return {(c.x * scale + 1) / 2, (c.y * scale + 1) / 2};
-}
-
 void Guide::clear() {
     cell_.fill(0);
 }
 
 void Guide::build() {
-    std::array<double, kSide * kSide> blurred{};
-    double sum = 0;
-    for (int x = 0; x < kSide; ++x)
-        for (int y = 0; y < kSide; ++y) {
-            double value = 0, weight = 0;
-            for (int dx = -1; dx <= 1; ++dx)
-                for (int dy = -1; dy <= 1; ++dy) {
-                    const int u = x + dx, v = y + dy;
-                    if (u < 0 || v < 0 || u >= kSide || v >= kSide) continue;
-                    const double w = (dx ? 1 : 2) * (dy ? 1 : 2);
-                    value += w * cell_[static_cast<std::size_t>(u * kSide + v)], weight += w;
-                }
-            sum += blurred[static_cast<std::size_t>(x * kSide + y)] = value / weight;
-        }
+    // Each cell 2, those beside it 1, along one side and then the other; of what there is.
+    std::array<double, kSide * kSide> across, blurred;
+    const auto blur = [](const std::array<double, kSide * kSide>& from, std::size_t line, std::size_t step, std::array<double, kSide * kSide>& to) {
+        const double* f = &from[line];
+        double* t = &to[line];
+        t[0] = (2 * f[0] + f[step]) / 3;
+        for (std::size_t i = 1; i + 1 < kSide; ++i) t[i * step] = (f[(i - 1) * step] + 2 * f[i * step] + f[(i + 1) * step]) / 4;
+        t[(kSide - 1) * step] = (f[(kSide - 2) * step] + 2 * f[(kSide - 1) * step]) / 3;
+    };
+    for (std::size_t x = 0; x < kSide; ++x) blur(cell_, x * kSide, 1, across);
+    for (std::size_t y = 0; y < kSide; ++y) blur(across, y, kSide, blurred);
+    const double sum = std::accumulate(blurred.begin(), blurred.end(), 0.0);
     uniform_ = !(sum > 0);
     if (uniform_) return;
     marginal_[0] = 0;
@@ -142,12 +131,12 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
         const Sobol points(static_cast<std::uint64_t>(random() * 0x1p52));
         const double part = random();
         emitters_.sample_few(list[at].light, x, normal, 0, 1, part, points, 2e-4, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
-            light = scene_.transmitted(x, y + e.normal * scene_.push_off()) * (e.radiance * std::max(0.0, dot(flux, normal)));
+            light = scene_.transmitted({.from = x, .to = y + e.normal * scene_.push_off()}).share * (e.radiance * std::max(0.0, dot(flux, normal)));
         });
     } else {
         LightSample s;
         const double u = random(), v = random();
-        if (sample_light(lights_[list[at].light], x, normal, {u, v}, &s)) light = arriving(scene_, x, s) * (s.weight * dot(s.direction, normal) + s.ambient);
+        if (sample_light(lights_[list[at].light], x, normal, {u, v}, &s)) light = scene_.transmitted(ray_to(s, x)).share * (s.weight * dot(s.direction, normal) + s.ambient);
     }
     return light * scale;
 }
@@ -176,7 +165,7 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
                 if (scene_.has_panes()) scene_.panes(from, way, next ? next->distance : 1e30, {}, panes);
                 Rgbd radiance;
                 if (!next) {
-                    radiance = sky_radiance(lights_);
+                    radiance = sky_;
                 } else if (!next->back && front && panes.empty() && light.far[patch].x >= 0 && is_far(light, patch, code_at(*next))) {
                     radiance = static_cast<Rgbd>(light.far[patch]);
                 } else if (!next->back) {
@@ -206,7 +195,6 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     const Chart& chart = surfaces_.charts[luxel.chart.at()];
     const Vec3 normal = chart.curved() ? footprint.normal() : chart.n;
     const Frame plain = frame_around(normal);
-    const Rgbd sky = sky_radiance(lights_);
     const Sobol points(seed);
     thread_local std::vector<Vec3> origins, directions;
     thread_local std::vector<double> weights;
@@ -264,7 +252,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         Rgbd radiance, emitted;
         Random random(mix(seed, i));
         if (!found[i]) {
-            radiance = sky;
+            radiance = sky_;
             ++out.hits.escaped;
         } else if (found[i]->back) {
             ++out.hits.back;
@@ -278,7 +266,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         radiance = seen(i, random, reflected_, radiance);
         for (Other& o : others) {
             Random same(mix(seed, i));
-            Rgbd there = found[i] ? Rgbd{} : sky;
+            Rgbd there = found[i] ? Rgbd{} : sky_;
             if (found[i] && !found[i]->back) there = reflected_at(*found[i], directions[i], same, *o.light, looked, 0) + emitted;
             kernel.add(o.sum, k, seen(i, same, *o.light, there) * (weights[i] / rays));
         }

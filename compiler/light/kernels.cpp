@@ -33,7 +33,6 @@ std::array<double, 3> sq_weights(Vec3 n) {
     for (double& x : w) x /= sum > 0 ? sum : 1;
     return w;
 }
-constexpr double kInvSqrt3 = 0.57735026918962576;
 
 } // namespace
 
@@ -88,24 +87,6 @@ double ConeTable::moment(double cos_theta, double azimuth_turns) const {
         return static_cast<double>(moment_[static_cast<std::size_t>(r * kColumns + c)]);
     };
     return (1 - f) * ((1 - g) * at(i, j) + g * at(i, k)) + f * ((1 - g) * at(i + 1, j) + g * at(i + 1, k));
-}
-
-std::array<double, 4> LuxelKernel::values(Vec3 direction) const {
-    const double cosine = dot(direction, frame.n), positive = std::max(0.0, cosine);
-    if (!cone) return {positive, 0, 0, 0};
-    const double x = dot(direction, frame.t), y = dot(direction, frame.b);
-    std::array<double, 4> k{positive};
-    if (encoding == RnmEncoding::dot) {
-        const double r = cone->tangential(cosine);
-        for (std::size_t i = 0; i < 3; ++i)
-            k[i + 1] = positive * kInvSqrt3 + r * (kRnmBasis[i].x * x + kRnmBasis[i].y * y);
-    } else if (encoding == RnmEncoding::tilted) {
-        for (std::size_t i = 0; i < 3; ++i) k[i + 1] = std::max(0.0, dot(kRnmBasis[i], Vec3{x, y, cosine}));
-    } else {
-        const double turns = std::atan2(y, x) / (2 * std::numbers::pi);
-        for (std::size_t i = 0; i < 3; ++i) k[i + 1] = cone->moment(cosine, turns - static_cast<double>(i) / 3);
-    }
-    return k;
 }
 
 std::array<double, 4> LuxelKernel::integrals() const {

@@ -13,9 +13,11 @@
 #include "compiler/light/light.h"
 #include <algorithm>
 #include <memory>
+#include <numbers>
 
 namespace kiln {
 
+constexpr double kInvSqrt3 = 0.57735026918962576;
 inline const std::array<Vec3, 3> kRnmBasis{Vec3{std::sqrt(2.0 / 3), 0, 1 / std::sqrt(3.0)},
                                            Vec3{-1 / std::sqrt(6.0), 1 / std::sqrt(2.0), 1 / std::sqrt(3.0)},
                                            Vec3{-1 / std::sqrt(6.0), -1 / std::sqrt(2.0), 1 / std::sqrt(3.0)}};
@@ -116,6 +118,24 @@ struct LuxelKernel {
     std::size_t shown_count() const { return cone ? 4 : 1; }
 };
 constexpr double kTypicalTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30
+
+inline std::array<double, 4> LuxelKernel::values(Vec3 direction) const {
+    const double cosine = dot(direction, frame.n), positive = std::max(0.0, cosine);
+    if (!cone) return {positive, 0, 0, 0};
+    const double x = dot(direction, frame.t), y = dot(direction, frame.b);
+    std::array<double, 4> k{positive};
+    if (encoding == RnmEncoding::dot) {
+        const double r = cone->tangential(cosine);
+        for (std::size_t i = 0; i < 3; ++i)
+            k[i + 1] = positive * kInvSqrt3 + r * (kRnmBasis[i].x * x + kRnmBasis[i].y * y);
+    } else if (encoding == RnmEncoding::tilted) {
+        for (std::size_t i = 0; i < 3; ++i) k[i + 1] = std::max(0.0, dot(kRnmBasis[i], Vec3{x, y, cosine}));
+    } else {
+        const double turns = std::atan2(y, x) / (2 * std::numbers::pi);
+        for (std::size_t i = 0; i < 3; ++i) k[i + 1] = cone->moment(cosine, turns - static_cast<double>(i) / 3);
+    }
+    return k;
+}
 
 // The flat value and what the directional ones say for the flat normal are one thing (not under `tilted`): moves these to it, as little as possible.
 void follow_flat(RnmEncoding encoding, Rgbd flat, std::array<Rgbd, 3>& rnm);

@@ -51,8 +51,7 @@ LuxelIndex::LuxelIndex(const Surfaces& surfaces)
 std::uint32_t LuxelIndex::texel_at(FaceId face, Vec3 point) const {
     const Chart& c = surfaces_.charts[surfaces_.faces[face.at()].chart.at()];
     const Vec2 p = luxel_from_world(surfaces_, face, point);
-    const double x = std::clamp(std::floor(p.x), 0.0, c.width - 1.0);
-    const double y = std::clamp(std::floor(p.y), 0.0, c.height - 1.0);
+    const double x = std::clamp(p.x, 0.0, c.width - 1.0), y = std::clamp(p.y, 0.0, c.height - 1.0);
     return c.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
 }
 
@@ -419,7 +418,7 @@ Vec3 Footprint::centroid() const {
     return sum / area();
 }
 
-Footprint::Point Footprint::sample(Vec2 u) const {
+Footprint::Point Footprint::sample_cells(Vec2 u) const {
     const double wanted = u.x * area();
     const auto cell = std::lower_bound(cells_.begin(), cells_.end() - 1, wanted,
                                        [](const Cell& c, double x) { return c.cumulative <= x; });

@@ -78,7 +78,11 @@ public:
     struct Point {
         Vec3 position, normal; // geometric
     };
-    Point sample(Vec2 u) const;
+    Point sample(Vec2 u) const {
+        if (!whole_square()) return sample_cells(u);
+        const Cell& c = cells_[0];
+        return {c.corner + c.u * u.x + c.v * u.y, c.normal};
+    }
     bool whole_square() const { return cells_.size() == 1 && cells_[0].parallelogram; }
     bool bent() const { return bent_; } // several planes
     Vec3 normal() const { return cells_.empty() ? Vec3{} : cells_[0].normal; } // of its first cell
@@ -89,6 +93,7 @@ private:
         double cumulative = 0;
         bool parallelogram = false;
     };
+    Point sample_cells(Vec2 u) const;
     void add(Vec3 corner, Vec3 u, Vec3 v, Vec3 normal, bool parallelogram);
     double margin_ = 0;
     bool bent_ = false;

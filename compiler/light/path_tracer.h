@@ -45,7 +45,7 @@ struct PathTracer {
         const double cosine = -dot(*way, emitter.normal);
         if (cosine <= 1e-12 || (!(n == Vec3{}) && dot(*way, n) <= 0)) return false;
         count();
-        const Rgbd through = d.scene.transmitted(x, y + emitter.normal * d.scene.push_off());
+        const Rgbd through = d.scene.transmitted({.from = x, .to = y + emitter.normal * d.scene.push_off()}).share;
         if (!(max_component(through) > 0)) return false;
         const double p = density_of(choice, e, to, cosine);
         *weight = through * emitter.radiance / (p + other(*way));
@@ -57,7 +57,7 @@ struct PathTracer {
         const double a = random(), b = random();
         if (!sample_light(light, x, n, {a, b}, &s)) return {};
         count();
-        const Rgbd through = arriving(d.scene, x, s);
+        const Rgbd through = d.scene.transmitted(ray_to(s, x)).share;
         if (!(max_component(through) > 0)) return {};
         return through * (s.weight * dot(s.direction, n) + s.ambient);
     }

@@ -31,7 +31,7 @@ void Bake::open_memo() {
         w(options_, sealed_, scene_.instruction_set(), emitters_.of_face);
         for (const auto& cone : cones_) w(cone ? cone->cone_deg() : -1.0);
         geometry_ = hash_bytes(w.bytes).low;
-        w(sky_radiance(lights_));
+        w(sky_);
         for (const Emitter& e : emitters_.emitters) // those of faces that may have no patch to show what they shine
             if (!surfaces_.faces[e.face.at()].chart.valid()) w(e.radiance);
         base_ = hash_bytes(w.bytes).low | 1;

@@ -34,6 +34,7 @@ void Bake::trace_rows() {
     std::vector<PaneRays> through(scene_.has_panes() ? counts.size() : 0);
     parallel_chunks(context_, "light: form factors", n, kChunk, [&](std::size_t begin, std::size_t end) {
         std::vector<Vec3> origins(m), directions(m);
+        std::vector<Vec2> squares(m);
         std::vector<std::optional<SceneHit>> found(m);
         for (std::size_t p = begin; p < end; ++p) {
             const Patch& patch = patches_.patches[p];
@@ -45,13 +46,14 @@ void Bake::trace_rows() {
             const Frame flat = frame_around(footprint.normal());
             const Sobol points(seed_at(patch.centroid, 1));
             const HemisphereMap map = face.chart.valid() ? map_of(face.chart) : HemisphereMap{};
+            // Each in a loop of its own: what one ray waits for, the next works on meanwhile.
+            for (std::uint32_t i = 0; i < m; ++i) squares[i] = points.pair(i, 0);
+            for (std::uint32_t i = 0; i < m; ++i) hit_cells_[p * m + i] = Guide::cell(map.from_cosine(squares[i]));
             for (std::uint32_t i = 0; i < m; ++i) {
-                const Vec2 square = points.pair(i, 0);
-                hit_cells_[p * m + i] = Guide::cell(map.from_cosine(square));
                 const Footprint::Point at = footprint.sample(points.pair(i, 2));
                 const Frame frame = footprint.bent() ? frame_around(at.normal) : flat;
                 origins[i] = at.position + at.normal * scene_.push_off();
-                directions[i] = frame.world(cosine_hemisphere(square));
+                directions[i] = frame.world(cosine_hemisphere(squares[i]));
             }
             scene_.closest(origins, directions, found);
             HitCounts c{.rays = m};
@@ -142,14 +144,13 @@ Bake::Rows Bake::merge_rows(const Rows& fine, const std::vector<std::uint32_t>& 
 // Irradiance from emission that the bundle met: all of it, or what is not sampled explicitly for the patch.
 std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
     const std::uint32_t m = quality_.row_rays;
-    const Rgbd sky = sky_radiance(lights_);
     std::vector<Rgbd> out(patches_.patches.size());
     parallel_chunks(context_, out.size(), 256, [&](std::size_t begin, std::size_t end) {
         for (std::size_t p = begin; p < end; ++p) {
             for (std::uint32_t i = 0; i < m; ++i) {
                 const std::uint32_t hit = hits_[p * m + i];
                 if (hit == kHitEscaped) {
-                    out[p] += sky;
+                    out[p] += sky_;
                     continue;
                 }
                 if (hit == kHitPanes) {

@@ -19,6 +19,7 @@ constexpr double kPushOffLeast = 0x1p-8;  // map units
 // Robust as it is, the tracer lets 2 in 100,000 of the rays slip through that are aimed at the very corner of several
 // triangles (none of those aimed at edges). A ray that met nothing is asked once more, so far aside of its direction.
 constexpr double kAside = 0x1p-18;
+constexpr double kShortOfEnd = 1 - 0x1p-20; // what a ray ends on does not block it
 
 struct TraceScene::Data {
     const World* world = nullptr;
@@ -78,6 +79,22 @@ struct TraceScene::Data {
         hit.back = cosine > 0 && !face.two_sided;
         hit.sky = face.sky;
         return hit;
+    }
+    // What panes leave of a ray that nothing blocks; `far`: where one to a distant light ends.
+    Rgbd through(const LightRay& ray, double far) const {
+        Rgbd share{1, 1, 1};
+        if (!panes) return share;
+        Vec3 way = ray.to;
+        Widths widths = ray.widths;
+        if (!ray.distant) {
+            way = ray.to - ray.from, far = widths.length = length(way);
+            if (!(far > 0)) return share;
+            way = way / far;
+        }
+        thread_local std::vector<PaneHit> crossed;
+        panes->along(ray.from, way, far, widths, crossed);
+        for (const PaneHit& pane : crossed) share = share * pane.through;
+        return share;
     }
 };
 
@@ -205,7 +222,7 @@ bool TraceScene::occluded(Vec3 from, Vec3 to) const {
     const double distance = length(way);
     if (!(distance > 0)) return false;
     RTCRay ray;
-    d.set_ray(ray, from, way / distance, distance * (1 - 0x1p-20));
+    d.set_ray(ray, from, way / distance, distance * kShortOfEnd);
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     ++rays_traced;
@@ -222,32 +239,44 @@ void TraceScene::panes(Vec3 origin, Vec3 unit_direction, double far, const Width
     if (data_->panes) data_->panes->along(origin, unit_direction, far, widths, out);
 }
 
-Rgbd TraceScene::transmitted(Vec3 from, Vec3 to, Widths widths, bool* blocked) const {
-    const bool hidden = occluded(from, to);
-    if (blocked) *blocked = hidden;
-    if (hidden) return {};
-    Rgbd through{1, 1, 1};
-    if (!data_->panes) return through;
-    const Vec3 way = to - from;
-    widths.length = length(way);
-    if (!(widths.length > 0)) return through;
-    thread_local std::vector<PaneHit> crossed;
-    data_->panes->along(from, way / widths.length, widths.length, widths, crossed);
-    for (const PaneHit& pane : crossed) through = through * pane.through;
-    return through;
+Transmitted TraceScene::transmitted(const LightRay& ray) const {
+    if (!ray.distant) return occluded(ray.from, ray.to) ? Transmitted{{}, true} : Transmitted{data_->through(ray, 1e30)};
+    const std::optional<SceneHit> hit = closest(ray.from, ray.to);
+    return hit && (!hit->sky || hit->back) ? Transmitted{{}, true} : Transmitted{data_->through(ray, hit ? hit->distance : 1e30)};
 }
 
-Rgbd TraceScene::transmitted_from_sky(Vec3 origin, Vec3 unit_direction, const Widths& widths, bool* blocked) const {
-    const std::optional<SceneHit> hit = closest(origin, unit_direction);
-    const bool hidden = hit && (!hit->sky || hit->back);
-    if (blocked) *blocked = hidden;
-    if (hidden) return {};
-    Rgbd through{1, 1, 1};
-    if (!data_->panes) return through;
-    thread_local std::vector<PaneHit> crossed;
-    data_->panes->along(origin, unit_direction, hit ? hit->distance : 1e30, widths, crossed);
-    for (const PaneHit& pane : crossed) through = through * pane.through;
-    return through;
+void TraceScene::transmitted(std::span<const LightRay> rays, std::vector<Transmitted>& out) const {
+    const Data& d = *data_;
+    out.resize(rays.size());
+    constexpr std::size_t kWidth = 8;
+    for (std::size_t first = 0; first < rays.size(); first += kWidth) {
+        const std::size_t count = std::min(kWidth, rays.size() - first);
+        if (count == 1 || std::ranges::any_of(rays.subspan(first, count), &LightRay::distant)) { // suns are few
+            for (std::size_t i = first; i < first + count; ++i) out[i] = transmitted(rays[i]);
+            continue;
+        }
+        alignas(32) RTCRay8 packet;
+        alignas(32) int valid[kWidth];
+        for (std::size_t i = 0; i < kWidth; ++i) {
+            const LightRay& ray = rays[first + std::min(i, count - 1)];
+            const Vec3 o = ray.from - d.center, way = ray.to - ray.from;
+            const double distance = length(way);
+            const Vec3 u = way / distance;
+            valid[i] = i < count && distance > 0 ? -1 : 0;
+            packet.org_x[i] = static_cast<float>(o.x), packet.org_y[i] = static_cast<float>(o.y), packet.org_z[i] = static_cast<float>(o.z);
+            packet.dir_x[i] = static_cast<float>(u.x), packet.dir_y[i] = static_cast<float>(u.y), packet.dir_z[i] = static_cast<float>(u.z);
+            packet.tnear[i] = 0, packet.tfar[i] = static_cast<float>(distance * kShortOfEnd);
+            packet.time[i] = 0, packet.mask[i] = UINT32_MAX, packet.id[i] = 0, packet.flags[i] = 0;
+        }
+        RTCIntersectContext context;
+        rtcInitIntersectContext(&context);
+        rays_traced += count;
+        rtcOccluded8(valid, d.scene, &context, &packet);
+        for (std::size_t i = 0; i < count; ++i) {
+            const bool blocked = valid[i] && packet.tfar[i] < 0;
+            out[first + i] = {blocked ? Rgbd{} : d.through(rays[first + i], 1e30), blocked};
+        }
+    }
 }
 
 bool TraceScene::stops(FaceId face) const {

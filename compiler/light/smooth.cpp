@@ -16,23 +16,108 @@ constexpr int kReads = kReach + 1 + 2 * kSpikeReach; // of what is in a window, 
 constexpr int kSide = 2 * kReach + 1;
 constexpr double kFarthest = 3; // standard deviations of the noise that a luxel is moved at most
 static_assert(kSpikeReach <= kReach);
+constexpr std::size_t kCells = kSide * kSide;
 constexpr std::size_t cell(int dx, int dy) {
     return static_cast<std::size_t>((dy + kReach) * kSide + dx + kReach);
 }
-double falls_off(int dx, int dy, int reach) { // the weight of a luxel in a window
-    if (std::max(std::abs(dx), std::abs(dy)) > reach) return 0;
+constexpr double falls_off(int dx, int dy, int reach) { // the weight of a luxel in a window
+    if (dx < -reach || dx > reach || dy < -reach || dy > reach) return 0;
     return std::max(0.0, 1 - (dx * dx + dy * dy) / ((reach + 1.0) * (reach + 1.0)));
 }
+struct Step { // from the luxel in the middle of a window
+    int x = 0, y = 0;
+};
+// Of what can be gone over from one luxel to the next: open(step) has a bit for each of kBeside that goes on from there. The order in which it is come to; returns how much.
+template <class Open> constexpr std::size_t flood(int reach, const Open& open, std::array<Step, kCells>& out) {
+    std::array<bool, kCells> there{};
+    there[cell(0, 0)] = true, out[0] = {};
+    std::size_t count = 1;
+    for (std::size_t i = 0; i < count; ++i) {
+        const unsigned on = open(out[i]);
+        for (std::size_t s = 0; s < kBeside.size(); ++s) {
+            const Step to{out[i].x + kBeside[s][0], out[i].y + kBeside[s][1]};
+            if (!(on >> s & 1) || to.x < -reach || to.x > reach || to.y < -reach || to.y > reach || there[cell(to.x, to.y)]) continue;
+            there[cell(to.x, to.y)] = true, out[count++] = to;
+        }
+    }
+    return count;
+}
+// Most windows are whole.
+struct Whole {
+    std::array<Step, kCells> step{};
+    std::array<unsigned, kCells> on{}; // what must go on from each for that
+    std::size_t count = 0;
+    explicit constexpr Whole(int reach) : count(flood(reach, [](Step) { return 15u; }, step)) {
+        for (std::size_t i = 0; i < count; ++i)
+            for (std::size_t s = 0; s < kBeside.size(); ++s)
+                if (const int x = step[i].x + kBeside[s][0], y = step[i].y + kBeside[s][1]; x >= -reach && x <= reach && y >= -reach && y <= reach) on[i] |= 1u << s;
+    }
+};
+constexpr std::array<Whole, kReach + 1> kWhole{Whole(0), Whole(1), Whole(2), Whole(3)};
 
-// A plane over a window, fitted by weighted least squares: sums of weights times (1, x, y) times themselves, and times values.
-template <std::size_t kValues> struct Fit {
-    std::array<double, 6> m{}, m2{}, noisy{}; // 1, x, y, xx, xy, yy: by weights, by their squares, by these times the noise
-    std::array<std::array<double, 3>, kValues> b{};
-    double square = 0, noise = 0;
-    void add(double k, double x, double y, const std::array<double, kValues>& v, double variance) {
-        const std::array<double, 6> p{1, x, y, x * x, x * y, y * y};
-        for (std::size_t i = 0; i < 6; ++i) m[i] += k * p[i], m2[i] += k * k * p[i], noisy[i] += k * k * variance * p[i];
-        for (std::size_t j = 0; j < kValues; ++j) b[j][0] += k * v[j], b[j][1] += k * v[j] * x, b[j][2] += k * v[j] * y, square += k * v[j] * v[j];
+// A plane over a window, fitted by weighted least squares, two numbers at a time.
+using Pair = double __attribute__((vector_size(16)));
+using Products = std::array<Pair, 3>; // of x and y: 1, x, y, xx, xy, yy
+constexpr Products products(Step at) {
+    const double x = at.x, y = at.y;
+    return {Pair{1, x}, Pair{y, x * x}, Pair{x * y, y * y}};
+}
+std::array<double, 6> apart(const Products& p) {
+    return {p[0][0], p[0][1], p[1][0], p[1][1], p[2][0], p[2][1]};
+}
+struct Cell {
+    Products products;
+    std::array<double, kReach + 1> weight; // in a window of that reach
+};
+constexpr std::array<Cell, kCells> kCellTable = [] {
+    std::array<Cell, kCells> out{};
+    for (int y = -kReach; y <= kReach; ++y)
+        for (int x = -kReach; x <= kReach; ++x) {
+            Cell& c = out[cell(x, y)];
+            c.products = products({x, y});
+            for (int r = 0; r <= kReach; ++r) c.weight[static_cast<std::size_t>(r)] = falls_off(x, y, r);
+        }
+    return out;
+}();
+// The luxels of a window that tell a plane over a reach, their weights k, and sums of k and of k^2 times products of their places.
+struct Weights {
+    std::size_t count;
+    std::array<std::uint8_t, kCells> at; // in the window
+    std::array<double, kCells> k;
+    Products m, m2;
+    void fill(int reach, std::span<const Step> window) {
+        count = 0, m = {}, m2 = {};
+        for (std::size_t i = 0; i < window.size(); ++i) {
+            const Cell& c = kCellTable[cell(window[i].x, window[i].y)];
+            const double weight = c.weight[static_cast<std::size_t>(reach)];
+            if (!(weight > 0)) continue;
+            for (std::size_t j = 0; j < 3; ++j) m[j] += weight * c.products[j], m2[j] += weight * weight * c.products[j];
+            at[count] = static_cast<std::uint8_t>(i), k[count++] = weight;
+        }
+    }
+    static const std::array<Weights, kReach + 1>& whole() {
+        static const std::array<Weights, kReach + 1> all = [] {
+            std::array<Weights, kReach + 1> out;
+            for (int r = 0; r <= kReach; ++r) out[static_cast<std::size_t>(r)].fill(r, std::span(kWhole[kReach].step).first(kWhole[kReach].count));
+            return out;
+        }();
+        return all;
+    }
+};
+// Sums of weights times values, times x, times y; of their squares times the noise times products of places.
+template <std::size_t kPairs> struct Fit {
+    Products noisy{};
+    std::array<std::array<Pair, kPairs>, 3> b{};
+    std::array<Pair, kPairs> square{};
+    double noise = 0;
+    void add(double k, Step at, const std::array<Pair, kPairs>& v, double variance) {
+        const Products& p = kCellTable[cell(at.x, at.y)].products;
+        const double x = p[0][1], y = p[1][0];
+        for (std::size_t i = 0; i < 3; ++i) noisy[i] += k * k * variance * p[i];
+        for (std::size_t j = 0; j < kPairs; ++j) {
+            const Pair kv = k * v[j];
+            b[0][j] += kv, b[1][j] += kv * x, b[2][j] += kv * y, square[j] += kv * v[j];
+        }
         noise += k * variance;
     }
 };
@@ -54,43 +139,52 @@ public:
     // left_to_rays: per patch.
     Neighbourhood(const Surfaces& surfaces, const std::vector<std::uint32_t>& patch, const std::vector<std::uint8_t>& beside, const std::vector<std::uint8_t>& gathered,
                   std::vector<std::uint64_t> left_to_rays)
-        : surfaces_(surfaces), patch_(patch), beside_(beside), at_texel_(surfaces.texel_count, UINT32_MAX), left_to_rays_(std::move(left_to_rays)) {
+        : surfaces_(surfaces), at_texel_(surfaces.texel_count, UINT32_MAX), on_(surfaces.texel_count), left_to_rays_(std::move(left_to_rays)) {
         for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l)
             if (gathered[l]) at_texel_[texel_of(surfaces, surfaces.luxels[l])] = l;
+        for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l)
+            for (std::size_t s = 0; gathered[l] && s < kBeside.size(); ++s)
+                if (const std::uint32_t q = beside[l] >> s & 1 ? near(l, kBeside[s][0], kBeside[s][1]) : UINT32_MAX; q != UINT32_MAX && left_to_rays_[patch[q]] == left_to_rays_[patch[l]])
+                    on_[texel_of(surfaces, surfaces.luxels[l])] |= static_cast<std::uint8_t>(1u << s);
     }
     std::span<const std::uint32_t> at_texel() const { return at_texel_; }
     std::span<const std::uint64_t> left_to_rays() const { return left_to_rays_; }
-    // The luxel that many luxels away; UINT32_MAX where that is not there or is left other light.
+    // The luxel that many luxels away; UINT32_MAX where none is.
     std::uint32_t near(std::uint32_t l, int dx, int dy) const {
         const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
         const int x = surfaces_.luxels[l].x + dx, y = surfaces_.luxels[l].y + dy;
         if (x < 0 || y < 0 || x >= static_cast<int>(chart.width) || y >= static_cast<int>(chart.height)) return UINT32_MAX;
-        const std::uint32_t q = at_texel_[chart.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y))];
-        return q == UINT32_MAX || left_to_rays_[patch_[q]] != left_to_rays_[patch_[l]] ? UINT32_MAX : q;
+        return at_texel_[chart.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y))];
     }
-    // What is come to from luxel to luxel, not through walls; itself first.
+    // visit(luxel) for those beside one that the same light is left to, where no wall stands between.
+    template <class Visit> void each_beside(std::uint32_t l, const Visit& visit) const {
+        const std::uint8_t on = on_[texel_of(surfaces_, surfaces_.luxels[l])];
+        for (std::size_t s = 0; s < kBeside.size(); ++s)
+            if (on >> s & 1) visit(near(l, kBeside[s][0], kBeside[s][1]));
+    }
+    // What is come to so from luxel to luxel; itself first.
     struct Window {
-        std::array<std::uint32_t, kSide * kSide> luxel;
-        std::array<std::array<int, 2>, kSide * kSide> step; // from the one in the middle
-        std::size_t count = 1;
+        std::array<std::uint32_t, kCells> luxel;
+        std::span<const Step> step;
+        std::array<Step, kCells> own;
+        bool whole = false;
     };
     void window(std::uint32_t l, int reach, Window& out) const {
-        std::array<bool, kSide * kSide> there{};
-        there[cell(0, 0)] = true;
-        out.luxel[0] = l, out.step[0] = {0, 0}, out.count = 1;
-        for (std::size_t i = 0; i < out.count; ++i)
-            for (std::size_t s = 0; s < kBeside.size(); ++s) {
-                const int dx = out.step[i][0] + kBeside[s][0], dy = out.step[i][1] + kBeside[s][1];
-                if (std::max(std::abs(dx), std::abs(dy)) > reach || there[cell(dx, dy)] || !(beside_[out.luxel[i]] >> s & 1)) continue;
-                if (const std::uint32_t q = near(l, dx, dy); q != UINT32_MAX) there[cell(dx, dy)] = true, out.luxel[out.count] = q, out.step[out.count++] = {dx, dy};
-            }
+        const Luxel& luxel = surfaces_.luxels[l];
+        const Chart& chart = surfaces_.charts[luxel.chart.at()];
+        const auto middle = static_cast<std::ptrdiff_t>(texel_of(surfaces_, luxel)), width = static_cast<std::ptrdiff_t>(chart.width);
+        const auto texel = [&](Step s) { return static_cast<std::size_t>(middle + s.y * width + s.x); };
+        const Whole& whole = kWhole[static_cast<std::size_t>(reach)];
+        out.whole = luxel.x >= reach && luxel.y >= reach && luxel.x + reach < static_cast<int>(chart.width) && luxel.y + reach < static_cast<int>(chart.height);
+        for (std::size_t i = 0; out.whole && i < whole.count; ++i) out.whole = (on_[texel(whole.step[i])] & whole.on[i]) == whole.on[i];
+        out.step = out.whole ? std::span(whole.step).first(whole.count) : std::span(out.own).first(flood(reach, [&](Step s) { return on_[texel(s)]; }, out.own));
+        for (std::size_t i = 0; i < out.step.size(); ++i) out.luxel[i] = at_texel_[texel(out.step[i])];
     }
 
 private:
     const Surfaces& surfaces_;
-    const std::vector<std::uint32_t>& patch_;
-    const std::vector<std::uint8_t>& beside_;
     std::vector<std::uint32_t> at_texel_;
+    std::vector<std::uint8_t> on_; // per texel, a bit for each of kBeside
     std::vector<std::uint64_t> left_to_rays_;
 };
 
@@ -100,11 +194,11 @@ template <class V> double excess_of_spike(const Neighbourhood::Window& window, c
     constexpr std::size_t kFewest = 8;
     constexpr double kStandsOut = 3 * 1.4826; // median absolute deviations of the others: three standard deviations, were these normal
     constexpr double kRaysApart = 3;          // standard deviations of its own rays: one that brought all is 1.35 of them, three that did so alike are 4
-    const std::size_t others = window.count - 1;
+    const std::size_t others = window.step.size() - 1;
     if (others < kFewest) return 0;
-    std::array<double, kSide * kSide> light, away;
+    std::array<double, kCells> light, away;
     for (std::size_t i = 0; i < others; ++i) light[i] = v(window.luxel[i + 1]);
-    const auto median = [others](std::array<double, kSide * kSide>& of) {
+    const auto median = [others](std::array<double, kCells>& of) {
         const auto middle = of.begin() + static_cast<std::ptrdiff_t>(others / 2);
         std::nth_element(of.begin(), middle, of.begin() + static_cast<std::ptrdiff_t>(others));
         return *middle;
@@ -132,14 +226,14 @@ private:
         Neighbourhood::Window window;
         around.window(l, kSpikeReach, window);
         double noise = 0, count = 0;
-        for (std::size_t i = 1; i < window.count; ++i)
+        for (std::size_t i = 1; i < window.step.size(); ++i)
             if (!(spike[window.luxel[i]] > 0)) noise += variance[window.luxel[i]], ++count;
         own_variance[l] = count > 0 ? noise / count : 0;
         const auto area = [&](std::uint32_t q) { return surfaces.luxels[q].area * luxel_area(surfaces, surfaces.luxels[q].face); };
-        const auto weight = [&](std::size_t i) { return falls_off(window.step[i][0], window.step[i][1], kSpikeReach); };
+        const auto weight = [&](std::size_t i) { return falls_off(window.step[i].x, window.step[i].y, kSpikeReach); };
         double all = 0;
-        for (std::size_t i = 0; i < window.count; ++i) all += weight(i) * area(window.luxel[i]);
-        for (std::size_t i = 0; i < window.count; ++i) {
+        for (std::size_t i = 0; i < window.step.size(); ++i) all += weight(i) * area(window.luxel[i]);
+        for (std::size_t i = 0; i < window.step.size(); ++i) {
             const std::uint32_t q = window.luxel[i];
             if (!touched(q)) at_[q] = static_cast<std::uint32_t>(spread_.size()), spread_.push_back(gathered_[q]);
             const double much = static_cast<double>(spike[l]), share = much * weight(i) * area(l) / all;
@@ -271,8 +365,7 @@ void Bake::smooth() {
     each_gathered([&](std::uint32_t l) {
         if (!stirred[l]) return;
         int darker = 0, beside = 0;
-        for (std::size_t s = 0; s < kBeside.size(); ++s)
-            if (const std::uint32_t q = beside_[l] >> s & 1 ? around.near(l, kBeside[s][0], kBeside[s][1]) : UINT32_MAX; q != UINT32_MAX) ++beside, darker += shown[q][0] < shown[l][0];
+        around.each_beside(l, [&](std::uint32_t q) { ++beside, darker += shown[q][0] < shown[l][0]; });
         if (2 * darker <= beside) return; // most are not worth a closer look
         Neighbourhood::Window window;
         around.window(l, kSpikeReach, window);
@@ -299,31 +392,35 @@ void Bake::smooth() {
         if (dark || !(variance[l] > 0)) return;
         Neighbourhood::Window window;
         around.window(l, kReach, window);
-        std::array<Fit<kValues>, kReach> fits{};
-        for (std::size_t i = 0; i < window.count; ++i) {
-            const auto [dx, dy] = window.step[i];
-            const std::uint32_t q = window.luxel[i];
-            std::array<double, kValues> v{}; // less its own: what they have in common costs digits
-            for (std::size_t j = 0; j < kValues; ++j) v[j] = shown[q][j] - shown[l][j];
-            for (int r = 1; r <= kReach; ++r)
-                if (const double k = falls_off(dx, dy, r); k > 0) fits[static_cast<std::size_t>(r - 1)].add(k, dx, dy, v, variance[q]);
-        }
+        std::array<Weights, kReach + 1> cut; // of a window that is not whole
+        for (int r = 1; !window.whole && r <= kReach; ++r) cut[static_cast<std::size_t>(r)].fill(r, window.step);
+        const std::array<Weights, kReach + 1>& weights = window.whole ? Weights::whole() : cut;
+        constexpr std::size_t kPairs = (kValues + 1) / 2;
+        std::array<std::array<Pair, kPairs>, kCells> values; // less its own: what they have in common costs digits
+        for (std::size_t i = 0; i < window.step.size(); ++i)
+            for (std::size_t j = 0; j < kPairs; ++j) values[i][j] = Pair{shown[window.luxel[i]][2 * j] - shown[l][2 * j], shown[window.luxel[i]][2 * j + 1] - shown[l][2 * j + 1]};
         // Of the windows that which leaves least of the error; how far towards its plane.
         double best = variance[l], share = 0;
         std::array<double, 3> row{}; // of the inverse: what weighted places add to the plane at the luxel
         int reach = 0;
         for (int r = 1; r <= kReach; ++r) {
-            const Fit<kValues>& f = fits[static_cast<std::size_t>(r - 1)];
+            const Weights& w = weights[static_cast<std::size_t>(r)];
+            const std::array<double, 6> m = apart(w.m), m2 = apart(w.m2);
             std::array<double, 6> i{};
-            if (!inverse(f.m, i)) continue;
-            const double free = f.m[0] - (i[0] * f.m2[0] + i[3] * f.m2[3] + i[5] * f.m2[5] + 2 * (i[1] * f.m2[1] + i[2] * f.m2[2] + i[4] * f.m2[4]));
+            if (!inverse(m, i)) continue;
+            const double free = m[0] - (i[0] * m2[0] + i[3] * m2[3] + i[5] * m2[5] + 2 * (i[1] * m2[1] + i[2] * m2[2] + i[4] * m2[4]));
             const double own = i[0]; // share of the luxel's own value in the plane
             if (!(free > 0.5) || !(own < 0.99)) continue;
-            double residuals = f.square;
-            for (const auto& b : f.b) residuals -= form(i, b, b);
-            const double structure = std::max(0.0, residuals / free - f.noise / f.m[0]); // what of them is no noise
+            Fit<kPairs> f;
+            for (std::size_t at = 0; at < w.count; ++at) f.add(w.k[at], window.step[w.at[at]], values[w.at[at]], variance[window.luxel[w.at[at]]]);
+            double residuals = 0;
+            for (std::size_t j = 0; j < kValues; ++j) {
+                const std::array<double, 3> b{f.b[0][j / 2][j % 2], f.b[1][j / 2][j % 2], f.b[2][j / 2][j % 2]};
+                residuals += f.square[j / 2][j % 2] - form(i, b, b);
+            }
+            const double structure = std::max(0.0, residuals / free - f.noise / m[0]); // what of them is no noise
             const std::array<double, 3> to{i[0], i[1], i[2]};
-            const double n = variance[l], of_plane = form(f.noisy, to, to);
+            const double n = variance[l], of_plane = form(apart(f.noisy), to, to);
             const double u = std::clamp(n * (1 - own) / (n * (1 - 2 * own) + of_plane + structure), 0.0, 1.0);
             const double risk = n * ((1 - u) * (1 - u) + 2 * u * (1 - u) * own) + u * u * (of_plane + structure);
             if (!(risk < best)) continue;
@@ -331,19 +428,18 @@ void Bake::smooth() {
         }
         if (!reach) return;
         KernelSum plane;
-        std::array<double, kValues> moved{};
-        for (std::size_t i = 0; i < window.count; ++i) {
-            const auto [dx, dy] = window.step[i];
-            const double a = falls_off(dx, dy, reach) * (row[0] + row[1] * dx + row[2] * dy);
-            if (a == 0) continue;
-            const std::uint32_t q = window.luxel[i];
-            KernelSum part = calm.sum(q);
+        std::array<Pair, kPairs> moved{};
+        const Weights& w = weights[static_cast<std::size_t>(reach)];
+        for (std::size_t at = 0; at < w.count; ++at) {
+            const std::size_t i = w.at[at];
+            const double a = w.k[at] * (row[0] + row[1] * window.step[i].x + row[2] * window.step[i].y);
+            KernelSum part = calm.sum(window.luxel[i]);
             plane += part *= a;
-            for (std::size_t j = 0; j < kValues; ++j) moved[j] += a * (shown[q][j] - shown[l][j]);
+            for (std::size_t j = 0; j < kPairs; ++j) moved[j] += a * values[i][j];
         }
         if (!(plane.flat[0] >= 0 && plane.flat[1] >= 0 && plane.flat[2] >= 0)) return;
         double far = 0;
-        for (const double by : moved) far += by * by;
+        for (const Pair& by : moved) far += by[0] * by[0] + by[1] * by[1];
         if (const double most = kFarthest * std::sqrt(variance[l]), way = share * std::sqrt(far); way > most) share *= most / way;
         smoothed_[l] *= 1 - share;
         smoothed_[l] += plane *= share;

@@ -74,7 +74,7 @@ Rgbd Bake::emission_through_panes(std::uint64_t ray, std::uint32_t patch, bool o
     Rgbd sum;
     for (const PaneRays::Met& met : pane_rays_.of(ray)) {
         if (met.code == kHitEscaped) {
-            sum += static_cast<Rgbd>(met.emitted) * sky_radiance(lights_);
+            sum += static_cast<Rgbd>(met.emitted) * sky_;
             continue;
         }
         const std::uint32_t emitter = emitter_of(met.code);

@@ -164,13 +164,13 @@ TEST(Panes, AreAskedOnceABrush) {
     const TraceScene scene(b.world, b.surfaces);
     ASSERT_TRUE(scene.has_panes());
     for (const Vec3 to : {Vec3{0, 0, 0}, Vec3{30, -20, 0}, Vec3{50, 50, 0}}) {
-        EXPECT_EQ(scene.transmitted({3, 5, 100}, to).x, 0.5);
-        EXPECT_EQ(scene.transmitted(to, {3, 5, 100}).x, 0.5);
+        EXPECT_EQ(scene.transmitted({{3, 5, 100}, to}).share.x, 0.5);
+        EXPECT_EQ(scene.transmitted({to, {3, 5, 100}}).share.x, 0.5);
         EXPECT_FALSE(scene.occluded(to, {3, 5, 100}));
     }
     // Through the diagonal that the triangles of a face share, and past the pane.
-    for (int k = 0; k < 60; ++k) EXPECT_EQ(scene.transmitted({-60.0 + 2 * k, -60.0 + 2 * k, 100}, {-60.0 + 2 * k, -60.0 + 2 * k, 0}).x, 0.5);
-    EXPECT_EQ(scene.transmitted({100, 0, 100}, {100, 0, 0}).x, 1);
+    for (int k = 0; k < 60; ++k) EXPECT_EQ(scene.transmitted({{-60.0 + 2 * k, -60.0 + 2 * k, 100}, {-60.0 + 2 * k, -60.0 + 2 * k, 0}}).share.x, 0.5);
+    EXPECT_EQ(scene.transmitted({{100, 0, 100}, {100, 0, 0}}).share.x, 1);
     std::vector<PaneHit> hits;
     scene.panes({0, 0, 100}, {0, 0, -1}, 1e30, {}, hits);
     ASSERT_EQ(hits.size(), 1u);
@@ -344,6 +344,6 @@ TEST(PaneEntities, KeysOfTheGames) {
         const bool casts = std::ranges::any_of(c.keys, [](const auto& k) { return std::string(k.second) == "1" && std::string(k.first) != "alpha"; });
         b.surfaces.faces[face.at()].blocks_light = c.alpha == 1 && casts; // as the surfaces stage has it
         const TraceScene scene(b.world, b.surfaces);
-        EXPECT_NEAR(scene.transmitted({0, 0, 64}, {0, 0, 0}).x, c.through, 1e-7) << i;
+        EXPECT_NEAR(scene.transmitted({{0, 0, 64}, {0, 0, 0}}).share.x, c.through, 1e-7) << i;
     }
 }
