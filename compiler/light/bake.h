@@ -276,7 +276,7 @@ private:
         double gather = 0, direct = 0;    // the two parts of the noise
         double shortcut = 0;              // of the places where light is not looked at closely
         double square = 0;                // of all these: the mean square error
-        double below = 0, above = 0;      // how far from `square` that of the whole bake may lie, each with 95 %; over all four normals
+        double below = 0, above = 0;      // how far from `square` that of the whole bake may lie, each with 99 % by the luxels drawn; over all four normals
         double representation = 0;        // of the encoding, over normals of its cone
     };
     bool of_luxels(const Luxel& luxel) const;
@@ -392,10 +392,12 @@ Frame shading_frame(const Frame& chart, Vec3 normal);
 // The frame that directional light is stored in at a point of a face with a chart.
 Frame light_frame(const Surfaces& surfaces, FaceId face, Vec3 point);
 Frame light_frame(const Chart& chart, const Face& face, Vec3 normal); // by the shading normal there
-// How far the mean of all may lie above and below that of a sample with these weights, each with 95 %. `sampled`: the share of all that it is.
+// Quantiles of the normal distribution.
+constexpr double k95Percent = 1.6449, k99Percent = 2.3263;
+// How far the mean of all may lie above and below that of a sample with these weights, each with the confidence of `quantile`. `sampled`: the share of all that it is.
 struct Bounds {
     double above = 0, below = 0;
 };
-Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled);
+Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled, double quantile = k95Percent);
 
 } // namespace kiln
