@@ -4,6 +4,8 @@
 #include "compiler/ambient/ambient.h"
 #include "compiler/light/memo.h"
 #include <functional>
+#include <span>
+#include <vector>
 
 namespace kiln::ambient {
 
@@ -35,6 +37,18 @@ struct Air {
     std::function<std::vector<Vec3>(const Box3&, const std::vector<HalfSpace>&)> beside_faces;
     std::function<std::optional<AirHit>(Vec3 origin, Vec3 unit_direction)> closest;
     std::function<bool(Vec3 from, Vec3 to)> clear;                    // symmetric
+    // The same of many at once; may be empty. `closest_each` and `clear_each` ask either.
+    std::function<void(Vec3 origin, std::span<const Vec3> unit_directions, std::span<std::optional<AirHit>> hits)> closest_of_many;
+    std::function<void(std::span<const Vec3> from, std::span<const Vec3> to, std::span<std::uint8_t> hidden)> hidden;
+    void closest_each(Vec3 origin, std::span<const Vec3> unit_directions, std::span<std::optional<AirHit>> hits) const {
+        if (closest_of_many) return closest_of_many(origin, unit_directions, hits);
+        for (std::size_t i = 0; i < hits.size(); ++i) hits[i] = closest(origin, unit_directions[i]);
+    }
+    void clear_each(std::span<const Vec3> from, std::span<const Vec3> to, std::vector<std::uint8_t>& is_clear) const {
+        is_clear.resize(from.size());
+        if (hidden) hidden(from, to, is_clear);
+        for (std::size_t i = 0; i < from.size(); ++i) is_clear[i] = hidden ? !is_clear[i] : clear(from[i], to[i]);
+    }
     std::function<void(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival&)> rest; // all but entity lights
     Memo* memo = nullptr; // of an earlier lattice in the same geometry; none: nothing is kept
     std::uint32_t light_count = 0;

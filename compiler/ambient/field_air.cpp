@@ -157,8 +157,7 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
         }
         return parts;
     };
-    air.closest = [&scene, &surfaces](Vec3 origin, Vec3 direction) -> std::optional<AirHit> {
-        const auto hit = scene.closest(origin, direction);
+    const auto air_hit = [&surfaces](const std::optional<SceneHit>& hit, Vec3 direction) -> std::optional<AirHit> {
         if (!hit) return std::nullopt;
         AirHit out{hit->distance, {}, hit->back};
         if (hit->face.valid()) {
@@ -170,21 +169,27 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
         }
         return out;
     };
+    air.closest = [&scene, air_hit](Vec3 origin, Vec3 direction) { return air_hit(scene.closest(origin, direction), direction); };
+    air.closest_of_many = [&scene, air_hit](Vec3 origin, std::span<const Vec3> directions, std::span<std::optional<AirHit>> hits) {
+        std::vector<std::optional<SceneHit>> met(directions.size());
+        scene.closest(std::vector<Vec3>(directions.size(), origin), directions, met);
+        for (std::size_t i = 0; i < met.size(); ++i) hits[i] = air_hit(met[i], directions[i]);
+    };
     // Detail brushes do not show in the tree: where a leaf holds brushes, most of a few rays must meet fronts.
-    air.leaf_of = [&bsp, &planes, closest = air.closest](Vec3 point) {
+    air.leaf_of = [&bsp, &planes, closest = air.closest_of_many](Vec3 point) {
         const LeafId leaf = leaf_at(bsp, planes, point);
         if (!leaf.valid() || !is_air(bsp.leaves[leaf.at()])) return kNoLeaf;
         if (!bsp.leaves[leaf.at()].brushes.empty()) {
-            int back = 0;
-            for (const Vec3 d : {Vec3{0.48, 0.6, 0.64}, Vec3{-0.6, -0.64, 0.48}, Vec3{0.64, -0.48, -0.6},
-                                 Vec3{-0.52, 0.24, -0.82}})
-                if (const auto hit = closest(point, normalize(d)); hit && hit->back) ++back;
-            if (back >= 2) return kNoLeaf;
+            static const std::array<Vec3, 4> kWays{normalize(Vec3{0.48, 0.6, 0.64}), normalize(Vec3{-0.6, -0.64, 0.48}), normalize(Vec3{0.64, -0.48, -0.6}), normalize(Vec3{-0.52, 0.24, -0.82})};
+            std::array<std::optional<AirHit>, 4> hits;
+            closest(point, kWays, hits);
+            if (std::ranges::count_if(hits, [](const auto& hit) { return hit && hit->back; }) >= 2) return kNoLeaf;
         }
         return leaf.value;
     };
     air.beside_faces = [places = std::make_shared<const FacePlaces>(surfaces)](const Box3& box, const std::vector<HalfSpace>& within) { return places->in(box, within); };
     air.clear = [&scene](Vec3 from, Vec3 to) { return !scene.occluded(from, to); };
+    air.hidden = [&scene](std::span<const Vec3> from, std::span<const Vec3> to, std::span<std::uint8_t> hidden) { scene.occluded(from, to, hidden); };
     air.rest = [rest = std::make_shared<const Rest>(field, memo)](Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) { (*rest)(point, rays, seed, arrival); };
     air.light_count = static_cast<std::uint32_t>(lights.size());
     air.each_light = [&field](Vec3 point, const std::function<void(std::uint32_t)>& visit) { field.each_light(point, visit); };

@@ -160,6 +160,8 @@ void Builder::sample(Work& work) const {
     const double inset = side / 4096;
     const std::uint64_t stream = seed(work.at, std::uint64_t(work.size));
     std::vector<std::uint32_t> met;
+    std::vector<Vec3> onto;
+    std::vector<std::uint8_t> clear; // seen from the stratum's point
     const auto take = [&](Vec3 p, double volume) {
         const std::uint32_t leaf = air_.leaf_of(p);
         if (leaf == kNoLeaf) return false;
@@ -174,6 +176,7 @@ void Builder::sample(Work& work) const {
             p[a] = box.lo[a] + stratum * (double(at[a]) + unit(mix(stream, std::uint64_t(i), std::uint64_t(a))));
         const bool in_air = take(p, stratum * stratum * stratum / double(times));
         if (in_air) work.volume += work.samples.back().volume;
+        onto.clear();
         for (unsigned axes = 1; axes < 8; ++axes) { // onto a face, an edge, a corner of the cell
             Vec3 q = p;
             bool at_border = true;
@@ -182,10 +185,13 @@ void Builder::sample(Work& work) const {
                 at_border = at_border && (at[a] == 0 || at[a] + 1 == n);
                 q[a] = at[a] == 0 ? box.lo[a] + inset : box.hi[a] - inset;
             }
-            if (!at_border || work.samples.size() >= kMaxSamples) continue;
-            ++work.rays;
-            if (!in_air || !air_.clear(p, q)) take(q, 0);
-            else work.border.push_back(q);
+            if (at_border) onto.push_back(q);
+        }
+        clear.assign(onto.size(), 0);
+        if (in_air) air_.clear_each(std::vector<Vec3>(onto.size(), p), onto, clear), work.rays += onto.size();
+        for (std::size_t k = 0; k < onto.size() && work.samples.size() < kMaxSamples; ++k) {
+            if (clear[k]) work.border.push_back(onto[k]);
+            else take(onto[k], 0);
         }
     }
     std::sort(met.begin(), met.end());
@@ -232,21 +238,22 @@ void Builder::sample(Work& work) const {
 void Builder::look(Work& work) const {
     std::vector<Vec3> points, border = std::move(work.border);
     std::vector<std::uint8_t> sees;
-    const auto sees_corner = [&](Vec3 p, unsigned c) {
-        const Site& site = sites_[work.corners[c]];
-        return site.usable && (++work.rays, air_.clear(p, site.position));
-    };
-    const auto corners_from = [&](Vec3 p) {
-        std::uint8_t mask = 0;
+    std::vector<Vec3> from, to;
+    std::vector<std::uint8_t> clear;
+    const auto corners_from = [&](Vec3 p, std::uint8_t asked = 0xFF) {
+        std::array<unsigned, 8> corner{};
+        to.clear();
         for (unsigned c = 0; c < 8; ++c)
-            if (sees_corner(p, c)) mask |= std::uint8_t(1u << c);
+            if (const Site& site = sites_[work.corners[c]]; asked >> c & 1 && site.usable) corner[to.size()] = c, to.push_back(site.position);
+        from.assign(to.size(), p);
+        air_.clear_each(from, to, clear);
+        work.rays += to.size();
+        std::uint8_t mask = 0;
+        for (std::size_t k = 0; k < to.size(); ++k)
+            if (clear[k]) mask |= std::uint8_t(1u << corner[k]);
         return mask;
     };
-    const auto sees_all = [&](Vec3 p, std::uint8_t corners) {
-        for (unsigned c = 0; c < 8; ++c)
-            if (corners >> c & 1 && !sees_corner(p, c)) return false;
-        return true;
-    };
+    const auto sees_all = [&](Vec3 p, std::uint8_t corners) { return corners_from(p, corners) == corners; };
     for (const Sample& s : work.samples) points.push_back(s.point), sees.push_back(corners_from(s.point));
     const bool finest = work.size == 1;
     const auto values = [&] {

@@ -49,9 +49,11 @@ struct Part { // of the points, in a tree of planes
 std::uint64_t Blocked::grow(const Air& air, const std::vector<Vec3>& points) {
     KILN_CHECK_OP(rows_.size(), <=, points.size());
     std::uint64_t rays = 0;
+    std::vector<std::uint8_t> clear;
     for (std::size_t i = rows_.size(); i < points.size(); ++i) {
+        air.clear_each(std::span(points).first(i), std::vector<Vec3>(i, points[i]), clear);
         std::vector<char>& row = rows_.emplace_back(i);
-        for (std::size_t j = 0; j < i; ++j) row[j] = !air.clear(points[j], points[i]);
+        for (std::size_t j = 0; j < i; ++j) row[j] = !clear[j];
         rays += i;
     }
     return rays;

@@ -19,9 +19,12 @@ Look look(const Air& air, Vec3 p, double reach, std::uint64_t& rays) {
     static const std::vector<Vec3> kDirections = spread_directions(kProbeRays);
     Look seen;
     std::size_t back = 0;
-    for (const Vec3& d : kDirections) {
-        ++rays;
-        const auto hit = air.closest(p, d);
+    std::array<std::optional<AirHit>, kProbeRays> hits;
+    air.closest_each(p, kDirections, hits);
+    rays += kProbeRays;
+    for (std::size_t i = 0; i < kProbeRays; ++i) {
+        const Vec3 d = kDirections[i];
+        const auto& hit = hits[i];
         if (hit && hit->back) {
             ++back;
             seen.exits.emplace_back(hit->distance, d);

@@ -28,8 +28,7 @@ template <class Visit> void for_each_bilinear(const Surfaces& surfaces, FaceId f
 std::uint32_t LightField::Data::place_at(const SceneHit& hit) const {
     const Face& face = surfaces.faces[hit.face.at()];
     if (!face.chart.valid()) return static_cast<std::uint32_t>(surfaces.pieces.size()) + hit.face.value;
-    const std::uint32_t luxel = index.luxel_of(index.texel_at(hit.face, hit.position));
-    if (luxel != UINT32_MAX && surfaces.luxels[luxel].piece_count == 1) return surfaces.luxels[luxel].first_piece;
+    if (const std::uint32_t place = texel_place[index.texel_at(hit.face, hit.position)]; place != FieldBundle::kBlack) return place;
     const std::uint32_t piece = index.piece_at(hit.face, hit.position);
     return piece == UINT32_MAX ? FieldBundle::kBlack : piece;
 }
@@ -122,8 +121,10 @@ LightField::LightField(const World& world, const Bsp& bsp, const PlaneTable&, co
     };
     for (const std::uint32_t p : lighting.piece_patch) d.place_reflected.push_back(of_patch(p));
     for (const std::uint32_t p : lighting.face_patch) d.place_reflected.push_back(of_patch(p));
+    d.texel_place.assign(surfaces.texel_count, FieldBundle::kBlack);
     for (const Luxel& l : surfaces.luxels) {
         const std::size_t texel = texel_of(surfaces, l);
+        if (l.piece_count == 1) d.texel_place[texel] = l.first_piece;
         const std::uint32_t patch = lighting.patch_index[texel];
         if (patch >= kMixedPatch || lighting.valid[texel] != 1) continue;
         const Rgbd light = static_cast<Rgbd>(lighting.patches[patch].reflectance) * static_cast<Rgbd>(lighting.flat[texel]) * (1 / kPi);

@@ -57,6 +57,7 @@ public:
                  std::span<std::optional<SceneHit>> hits) const;
     // Is anything that blocks light strictly between? Sky faces count as blockers here.
     bool occluded(Vec3 from, Vec3 to) const;
+    void occluded(std::span<const Vec3> from, std::span<const Vec3> to, std::span<std::uint8_t> hidden) const; // of many together, faster where they lie close to each other
     // Does a ray reach a sky face (or, in a map that leaks, nothing at all)?
     bool reaches_sky(Vec3 origin, Vec3 unit_direction) const;
     // Faces that let a part of the light through are no blockers for all of these. Are there any?

@@ -18,6 +18,7 @@ struct LightField::Data {
     EmitterSet emitters;
     LightSight sight;
     Rgbd sky;
+    std::vector<std::uint32_t> texel_place; // of luxels of one piece; else kBlack
     std::vector<Rgb> place_reflected; // radiance, by places: pieces of luxels, then faces (which answer where there is no chart)
     // Parts to look at: places, then boxes of the world for the lights that reach them, then all that shines or reflects.
     static constexpr std::uint32_t kBoxes = 16; // along each axis

@@ -80,6 +80,31 @@ struct TraceScene::Data {
         hit.sky = face.sky;
         return hit;
     }
+    // `way(i)`: from where to where. Packets and single rays give the same bits.
+    template <class Way> void occluded(std::size_t count, const Way& way, std::span<std::uint8_t> hidden) const {
+        constexpr std::size_t kWidth = 8;
+        RTCIntersectContext context;
+        rtcInitIntersectContext(&context);
+        rays_traced += count;
+        for (std::size_t first = 0; first < count; first += kWidth) {
+            const std::size_t part = std::min(kWidth, count - first);
+            alignas(32) RTCRay8 packet;
+            alignas(32) int valid[kWidth];
+            for (std::size_t i = 0; i < kWidth; ++i) {
+                const auto [from, to] = way(first + std::min(i, part - 1));
+                const Vec3 o = from - center, d = to - from;
+                const double distance = length(d);
+                const Vec3 u = d / distance;
+                valid[i] = i < part && distance > 0 ? -1 : 0;
+                packet.org_x[i] = static_cast<float>(o.x), packet.org_y[i] = static_cast<float>(o.y), packet.org_z[i] = static_cast<float>(o.z);
+                packet.dir_x[i] = static_cast<float>(u.x), packet.dir_y[i] = static_cast<float>(u.y), packet.dir_z[i] = static_cast<float>(u.z);
+                packet.tnear[i] = 0, packet.tfar[i] = static_cast<float>(distance * kShortOfEnd);
+                packet.time[i] = 0, packet.mask[i] = UINT32_MAX, packet.id[i] = 0, packet.flags[i] = 0;
+            }
+            rtcOccluded8(valid, scene, &context, &packet);
+            for (std::size_t i = 0; i < part; ++i) hidden[first + i] = valid[i] && packet.tfar[i] < 0;
+        }
+    }
     // What panes leave of a ray that nothing blocks; `far`: where one to a distant light ends.
     Rgbd through(const LightRay& ray, double far) const {
         Rgbd share{1, 1, 1};
@@ -230,6 +255,10 @@ bool TraceScene::occluded(Vec3 from, Vec3 to) const {
     return ray.tfar < 0;
 }
 
+void TraceScene::occluded(std::span<const Vec3> from, std::span<const Vec3> to, std::span<std::uint8_t> hidden) const {
+    data_->occluded(from.size(), [&](std::size_t i) { return std::pair(from[i], to[i]); }, hidden);
+}
+
 bool TraceScene::has_panes() const {
     return data_->panes != nullptr;
 }
@@ -246,37 +275,14 @@ Transmitted TraceScene::transmitted(const LightRay& ray) const {
 }
 
 void TraceScene::transmitted(std::span<const LightRay> rays, std::vector<Transmitted>& out) const {
-    const Data& d = *data_;
-    out.resize(rays.size());
-    constexpr std::size_t kWidth = 8;
-    for (std::size_t first = 0; first < rays.size(); first += kWidth) {
-        const std::size_t count = std::min(kWidth, rays.size() - first);
-        if (count == 1 || std::ranges::any_of(rays.subspan(first, count), &LightRay::distant)) { // suns are few
-            for (std::size_t i = first; i < first + count; ++i) out[i] = transmitted(rays[i]);
-            continue;
-        }
-        alignas(32) RTCRay8 packet;
-        alignas(32) int valid[kWidth];
-        for (std::size_t i = 0; i < kWidth; ++i) {
-            const LightRay& ray = rays[first + std::min(i, count - 1)];
-            const Vec3 o = ray.from - d.center, way = ray.to - ray.from;
-            const double distance = length(way);
-            const Vec3 u = way / distance;
-            valid[i] = i < count && distance > 0 ? -1 : 0;
-            packet.org_x[i] = static_cast<float>(o.x), packet.org_y[i] = static_cast<float>(o.y), packet.org_z[i] = static_cast<float>(o.z);
-            packet.dir_x[i] = static_cast<float>(u.x), packet.dir_y[i] = static_cast<float>(u.y), packet.dir_z[i] = static_cast<float>(u.z);
-            packet.tnear[i] = 0, packet.tfar[i] = static_cast<float>(distance * kShortOfEnd);
-            packet.time[i] = 0, packet.mask[i] = UINT32_MAX, packet.id[i] = 0, packet.flags[i] = 0;
-        }
-        RTCIntersectContext context;
-        rtcInitIntersectContext(&context);
-        rays_traced += count;
-        rtcOccluded8(valid, d.scene, &context, &packet);
-        for (std::size_t i = 0; i < count; ++i) {
-            const bool blocked = valid[i] && packet.tfar[i] < 0;
-            out[first + i] = {blocked ? Rgbd{} : d.through(rays[first + i], 1e30), blocked};
-        }
+    thread_local std::vector<std::uint8_t> hidden;
+    out.resize(rays.size()), hidden.resize(rays.size());
+    if (std::ranges::any_of(rays, &LightRay::distant)) { // suns are few
+        std::ranges::transform(rays, out.begin(), [&](const LightRay& ray) { return transmitted(ray); });
+        return;
     }
+    data_->occluded(rays.size(), [&](std::size_t i) { return std::pair(rays[i].from, rays[i].to); }, hidden);
+    for (std::size_t i = 0; i < rays.size(); ++i) out[i] = {hidden[i] ? Rgbd{} : data_->through(rays[i], 1e30), hidden[i] != 0};
 }
 
 bool TraceScene::stops(FaceId face) const {

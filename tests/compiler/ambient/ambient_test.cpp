@@ -1,5 +1,6 @@
 #include "tests/compiler/ambient/box_world.h"
 #include "compiler/ambient/cube.h"
+#include "compiler/ambient/separate.h"
 #include <gtest/gtest.h>
 
 namespace kiln::ambient {
@@ -95,6 +96,37 @@ TEST(Ambient, UniformLightGivesPiEverywhere) {
 }
 
 // No light through a sealed wall and no darkening before it, wherever the lattice lies and however thin the wall.
+// Pairs of points that a wall parts: the same however many were known before, in an air that answers one by one and in one that answers many at once.
+TEST(Ambient, PairsThatAWallPartsAreKeptAsPointsJoin) {
+    BoxWorld w;
+    w.room = {{-100, -100, -100}, {100, 100, 100}};
+    w.solids = {{{-4, -100, -100}, {4, 100, 40}}};
+    w.radiance = [](Vec3, Vec3) { return Rgbd{1, 1, 1}; };
+    Air air = air_of(w);
+    std::vector<Vec3> points;
+    for (int i = 0; i < 40; ++i) points.push_back({(i % 2 ? 1 : -1) * (10.0 + i), 7.0 * (i % 9) - 30, 11.0 * (i % 13) - 60});
+    Blocked whole, grown, many;
+    EXPECT_EQ(whole.grow(air, points), 40u * 39 / 2);
+    std::uint64_t rays = 0;
+    for (const std::size_t n : {1u, 2u, 17u, 17u, 40u}) rays += grown.grow(air, {points.begin(), points.begin() + static_cast<std::ptrdiff_t>(n)});
+    EXPECT_EQ(rays, 40u * 39 / 2);
+    air.hidden = [&](std::span<const Vec3> from, std::span<const Vec3> to, std::span<std::uint8_t> hidden) {
+        for (std::size_t i = 0; i < from.size(); ++i) hidden[i] = !air.clear(from[i], to[i]);
+    };
+    many.grow(air, points);
+    std::size_t parted = 0;
+    for (std::size_t i = 0; i < points.size(); ++i)
+        for (std::size_t j = 0; j < points.size(); ++j) {
+            if (i == j) continue;
+            const bool blocked = !air.clear(points[i], points[j]);
+            EXPECT_EQ(whole(i, j), blocked);
+            EXPECT_EQ(grown(i, j), blocked);
+            EXPECT_EQ(many(i, j), blocked);
+            parted += blocked;
+        }
+    EXPECT_GT(parted, 100u);
+}
+
 TEST(Ambient, SealedWallNeitherLeaksNorDips) {
     for (const double thickness : {64.0, 16.0, 4.0, 0.125})
         for (const double offset : {0.0, 0.125, 0.25, 5.0 / 16, 0.5, 0.71, 0.999}) {

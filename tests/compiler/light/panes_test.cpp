@@ -171,6 +171,12 @@ TEST(Panes, AreAskedOnceABrush) {
     // Through the diagonal that the triangles of a face share, and past the pane.
     for (int k = 0; k < 60; ++k) EXPECT_EQ(scene.transmitted({{-60.0 + 2 * k, -60.0 + 2 * k, 100}, {-60.0 + 2 * k, -60.0 + 2 * k, 0}}).share.x, 0.5);
     EXPECT_EQ(scene.transmitted({{100, 0, 100}, {100, 0, 0}}).share.x, 1);
+    const std::vector<LightRay> rays{{{3, 5, 100}, {0, 0, 0}}, {{100, 0, 100}, {100, 0, 0}}, {{30, -20, 0}, {3, 5, 100}}};
+    std::vector<Transmitted> together;
+    scene.transmitted(rays, together);
+    EXPECT_EQ(together[0].share.x, 0.5);
+    EXPECT_EQ(together[1].share.x, 1);
+    EXPECT_EQ(together[2].share.x, 0.5);
     std::vector<PaneHit> hits;
     scene.panes({0, 0, 100}, {0, 0, -1}, 1e30, {}, hits);
     ASSERT_EQ(hits.size(), 1u);

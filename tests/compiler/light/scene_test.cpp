@@ -47,6 +47,39 @@ TEST(TraceScene, BundlesEqualSingleRays) {
     }
 }
 
+// So are rays to lights, from one place and from several, with some of no length and some to the sky among them.
+TEST(TraceScene, RaysToLightsTogetherEqualSingleRays) {
+    const SurfacesBuilder b = two_rooms();
+    const TraceScene scene(b.world, b.surfaces);
+    const Sobol points(5);
+    std::size_t blocked = 0;
+    for (const std::size_t count : {1u, 2u, 7u, 8u, 9u, 1021u})
+        for (const bool sky : {false, true}) {
+            std::vector<LightRay> rays;
+            std::vector<Vec3> from, to;
+            for (std::uint32_t i = 0; i < count; ++i) {
+                LightRay ray{{10 + 300 * points(i, 0), 10 + 300 * points(i, 1), 1}, {10 + 300 * points(i, 2), 10 + 300 * points(i, 3), 100}};
+                if (i % 16 == 11) ray.to = ray.from;
+                from.push_back(ray.from), to.push_back(ray.to);
+                if (sky && i % 5 == 3) ray.to = uniform_sphere(points.pair(i, 2)), ray.distant = true;
+                rays.push_back(ray);
+            }
+            std::vector<Transmitted> together(3);
+            scene.transmitted(rays, together);
+            ASSERT_EQ(together.size(), count);
+            std::vector<std::uint8_t> hidden(count);
+            scene.occluded(from, to, hidden);
+            for (std::size_t i = 0; i < count; ++i) {
+                const Transmitted one = scene.transmitted(rays[i]);
+                EXPECT_EQ(together[i].blocked, one.blocked) << i;
+                EXPECT_EQ(together[i].share, one.share) << i;
+                EXPECT_EQ(hidden[i] != 0, scene.occluded(from[i], to[i])) << i;
+                blocked += one.blocked;
+            }
+        }
+    EXPECT_GT(blocked, 100u);
+}
+
 // A closed room seen from inside, rays aimed at its edges and corners too: nothing escapes.
 TEST(TraceScene, SharedVerticesHoldWater) {
     SurfacesBuilder b;
