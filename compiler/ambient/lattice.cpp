@@ -188,7 +188,7 @@ void Builder::sample(Work& work) const {
             if (at_border) onto.push_back(q);
         }
         clear.assign(onto.size(), 0);
-        if (in_air) air_.clear_each(std::vector<Vec3>(onto.size(), p), onto, clear), work.rays += onto.size();
+        if (in_air && work.samples.size() < kMaxSamples) air_.clear_each(std::vector<Vec3>(onto.size(), p), onto, clear), work.rays += onto.size();
         for (std::size_t k = 0; k < onto.size() && work.samples.size() < kMaxSamples; ++k) {
             if (clear[k]) work.border.push_back(onto[k]);
             else take(onto[k], 0);

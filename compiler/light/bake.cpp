@@ -410,6 +410,7 @@ Rgbd Bake::rounded(Rgbd light, double up) const {
         if (!(scale > 0)) continue;
         const double power = std::bit_cast<double>(std::bit_cast<std::uint64_t>(scale) & 0x7FF0000000000000u); // of two, the greatest in it
         const double step = power * quality_.read_step;
+        if (!(step > 0)) continue; // next to nothing
         light[c] = std::floor(light[c] / step + up) * step;
     }
     return light;

@@ -480,7 +480,7 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
         queue.clear(), brought.clear(), parts.clear();
     };
     constexpr std::size_t kTogether = 256; // rays
-    queue.clear(), brought.clear();
+    queue.clear(), brought.clear(), parts.clear();
     for (const std::size_t r : edges) {
         const bool near = ref.is_emitter && !emitters_.is_far(ref.light, at[r].middle.position, at[r].middle.normal);
         const std::uint32_t places = near ? std::max<std::uint32_t>(samples / 8, samples < 8 ? 2 : 4) : samples;

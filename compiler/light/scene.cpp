@@ -85,7 +85,6 @@ struct TraceScene::Data {
         constexpr std::size_t kWidth = 8;
         RTCIntersectContext context;
         rtcInitIntersectContext(&context);
-        rays_traced += count;
         for (std::size_t first = 0; first < count; first += kWidth) {
             const std::size_t part = std::min(kWidth, count - first);
             alignas(32) RTCRay8 packet;
@@ -96,6 +95,7 @@ struct TraceScene::Data {
                 const double distance = length(d);
                 const Vec3 u = d / distance;
                 valid[i] = i < part && distance > 0 ? -1 : 0;
+                rays_traced += valid[i] != 0;
                 packet.org_x[i] = static_cast<float>(o.x), packet.org_y[i] = static_cast<float>(o.y), packet.org_z[i] = static_cast<float>(o.z);
                 packet.dir_x[i] = static_cast<float>(u.x), packet.dir_y[i] = static_cast<float>(u.y), packet.dir_z[i] = static_cast<float>(u.z);
                 packet.tnear[i] = 0, packet.tfar[i] = static_cast<float>(distance * kShortOfEnd);

@@ -197,17 +197,17 @@ Errors compare(const Truth& truth, std::span<const Irradiance> values, std::size
     Errors e;
     e.noise = noise_of(truth);
     const auto off = [&](std::size_t i, std::size_t d, std::size_t c) { return values[i][d][c] - truth.value[i][d][c]; };
-    std::vector<double> worst;
+    e.rrmse = root_mean_square(truth, off);
+    std::size_t worst = 0;
     for (std::size_t d = 0; d < directions; ++d) {
         double got = 0, want = 0;
         for (std::size_t i = 0; i < truth.value.size(); ++i) got += mean(values[i][d]), want += mean(truth.value[i][d]);
         e.bias[d] = want > 0 ? 100 * (got / want - 1) : 0;
-        std::vector<double> squares = squares_of(truth, d, off);
-        e.rrmse[d] = std::sqrt(std::max(0.0, std::pow(percent_of(squares), 2) - e.noise[d] * e.noise[d]));
-        if (e.rrmse[d] >= e.worst) e.worst = e.rrmse[d], e.worst_noise = e.noise[d], worst = std::move(squares);
+        e.rrmse[d] = std::sqrt(std::max(0.0, e.rrmse[d] * e.rrmse[d] - e.noise[d] * e.noise[d]));
+        if (e.rrmse[d] >= e.worst) e.worst = e.rrmse[d], e.worst_noise = e.noise[d], worst = d;
     }
     const std::size_t n = truth.value.size();
-    const Bounds b = bounds_of_mean(worst, std::vector<double>(n, 1.0), static_cast<double>(n) / static_cast<double>(std::max<std::size_t>(truth.shown, n)));
+    const Bounds b = bounds_of_mean(squares_of(truth, worst, off), std::vector<double>(n, 1.0), static_cast<double>(n) / static_cast<double>(std::max<std::size_t>(truth.shown, n)));
     e.least = std::sqrt(std::max(0.0, e.worst * e.worst - 1e4 * b.below)), e.most = std::sqrt(e.worst * e.worst + 1e4 * b.above);
     double level = 0;
     for (const Irradiance& v : truth.value) level += mean(v[0]) / static_cast<double>(truth.value.size());

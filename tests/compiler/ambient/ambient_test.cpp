@@ -95,7 +95,6 @@ TEST(Ambient, UniformLightGivesPiEverywhere) {
     EXPECT_LT(ambient.error_estimate, 1e-3);
 }
 
-// No light through a sealed wall and no darkening before it, wherever the lattice lies and however thin the wall.
 // Pairs of points that a wall parts: the same however many were known before, in an air that answers one by one and in one that answers many at once.
 TEST(Ambient, PairsThatAWallPartsAreKeptAsPointsJoin) {
     BoxWorld w;
@@ -127,6 +126,7 @@ TEST(Ambient, PairsThatAWallPartsAreKeptAsPointsJoin) {
     EXPECT_GT(parted, 100u);
 }
 
+// No light through a sealed wall and no darkening before it, wherever the lattice lies and however thin the wall.
 TEST(Ambient, SealedWallNeitherLeaksNorDips) {
     for (const double thickness : {64.0, 16.0, 4.0, 0.125})
         for (const double offset : {0.0, 0.125, 0.25, 5.0 / 16, 0.5, 0.71, 0.999}) {
