@@ -276,7 +276,7 @@ private:
         double gather = 0, direct = 0;    // the two parts of the noise
         double shortcut = 0;              // of the places where light is not looked at closely
         double square = 0;                // of all these: the mean square error
-        double below = 0, above = 0;      // how far from `square` that of the whole bake may lie, each with 99 % by the luxels drawn; over all four normals
+        double below = 0, above = 0;      // how far from `square` that of the whole bake may lie, each with 99 % as far as it is for the luxels drawn; over all four normals
         double representation = 0;        // of the encoding, over normals of its cone
     };
     bool of_luxels(const Luxel& luxel) const;

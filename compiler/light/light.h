@@ -36,7 +36,7 @@ struct Patch {
 };
 
 struct ErrorReport {                                    // percent, rRMSE of displayed irradiance
-    // The estimate is as often too low as too high; the true error is below `high` in 95 of 100 bakes, and above `low` in as many.
+    // The estimate is as often too low as too high; the true error is below `high` in at least 95 of 100 bakes, and above `low` in as many.
     double target = 0, estimate = 0, low = 0, high = 0;
     double noise = 0, patch_bias = 0, iteration = 0;
     double shortcuts = 0;      // of what is not looked at closely: lights that test rays agreed on, light of walls close by
