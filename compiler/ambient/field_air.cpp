@@ -171,8 +171,10 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
     };
     air.closest = [&scene, air_hit](Vec3 origin, Vec3 direction) { return air_hit(scene.closest(origin, direction), direction); };
     air.closest_of_many = [&scene, air_hit](Vec3 origin, std::span<const Vec3> directions, std::span<std::optional<AirHit>> hits) {
-        std::vector<std::optional<SceneHit>> met(directions.size());
-        scene.closest(std::vector<Vec3>(directions.size(), origin), directions, met);
+        thread_local std::vector<Vec3> origins;
+        thread_local std::vector<std::optional<SceneHit>> met;
+        origins.assign(directions.size(), origin), met.resize(directions.size());
+        scene.closest(origins, directions, met);
         for (std::size_t i = 0; i < met.size(); ++i) hits[i] = air_hit(met[i], directions[i]);
     };
     // Detail brushes do not show in the tree: where a leaf holds brushes, most of a few rays must meet fronts.

@@ -53,6 +53,14 @@ struct TraceScene::Data {
         ray.tfar = far < 1e30 ? static_cast<float>(far) : std::numeric_limits<float>::infinity();
         ray.time = 0, ray.mask = UINT32_MAX, ray.id = 0, ray.flags = 0;
     }
+    void set_ray(RTCRay8& packet, std::size_t i, Vec3 origin, Vec3 direction, double far) const {
+        RTCRay ray;
+        set_ray(ray, origin, direction, far);
+        packet.org_x[i] = ray.org_x, packet.org_y[i] = ray.org_y, packet.org_z[i] = ray.org_z;
+        packet.dir_x[i] = ray.dir_x, packet.dir_y[i] = ray.dir_y, packet.dir_z[i] = ray.dir_z;
+        packet.tnear[i] = ray.tnear, packet.tfar[i] = ray.tfar;
+        packet.time[i] = ray.time, packet.mask[i] = ray.mask, packet.id[i] = ray.id, packet.flags[i] = ray.flags;
+    }
     std::optional<SceneHit> again(Vec3 origin, Vec3 direction) const {
         const Vec3 least = std::abs(direction.x) < 0.5 ? Vec3{1, 0, 0} : Vec3{0, 1, 0};
         RTCRayHit ray;
@@ -91,15 +99,11 @@ struct TraceScene::Data {
             alignas(32) int valid[kWidth];
             for (std::size_t i = 0; i < kWidth; ++i) {
                 const auto [from, to] = way(first + std::min(i, part - 1));
-                const Vec3 o = from - center, d = to - from;
+                const Vec3 d = to - from;
                 const double distance = length(d);
-                const Vec3 u = d / distance;
                 valid[i] = i < part && distance > 0 ? -1 : 0;
                 rays_traced += valid[i] != 0;
-                packet.org_x[i] = static_cast<float>(o.x), packet.org_y[i] = static_cast<float>(o.y), packet.org_z[i] = static_cast<float>(o.z);
-                packet.dir_x[i] = static_cast<float>(u.x), packet.dir_y[i] = static_cast<float>(u.y), packet.dir_z[i] = static_cast<float>(u.z);
-                packet.tnear[i] = 0, packet.tfar[i] = static_cast<float>(distance * kShortOfEnd);
-                packet.time[i] = 0, packet.mask[i] = UINT32_MAX, packet.id[i] = 0, packet.flags[i] = 0;
+                set_ray(packet, i, from, d / distance, distance * kShortOfEnd);
             }
             rtcOccluded8(valid, scene, &context, &packet);
             for (std::size_t i = 0; i < part; ++i) hidden[first + i] = valid[i] && packet.tfar[i] < 0;
@@ -220,13 +224,7 @@ void TraceScene::closest(std::span<const Vec3> origins, std::span<const Vec3> un
         for (std::size_t i = 0; i < kWidth; ++i) {
             const std::size_t k = first + std::min(i, count - 1);
             valid[i] = i < count ? -1 : 0;
-            const Vec3 o = origins[k] - d.center, u = unit_directions[k];
-            packet.ray.org_x[i] = static_cast<float>(o.x), packet.ray.org_y[i] = static_cast<float>(o.y);
-            packet.ray.org_z[i] = static_cast<float>(o.z);
-            packet.ray.dir_x[i] = static_cast<float>(u.x), packet.ray.dir_y[i] = static_cast<float>(u.y);
-            packet.ray.dir_z[i] = static_cast<float>(u.z);
-            packet.ray.tnear[i] = 0, packet.ray.tfar[i] = std::numeric_limits<float>::infinity();
-            packet.ray.time[i] = 0, packet.ray.mask[i] = UINT32_MAX, packet.ray.id[i] = 0, packet.ray.flags[i] = 0;
+            d.set_ray(packet.ray, i, origins[k], unit_directions[k], 1e30);
             packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
             packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
         }
