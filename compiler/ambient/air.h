@@ -3,11 +3,19 @@
 #pragma once
 #include "compiler/ambient/ambient.h"
 #include "compiler/light/memo.h"
+#include <array>
 #include <functional>
 #include <span>
 #include <vector>
 
 namespace kiln::ambient {
+
+using Cube6 = std::array<Rgbd, 6>; // irradiance on planes that face x, -x, y, -y, z, -z
+Cube6 operator+(const Cube6& a, const Cube6& b);
+Cube6 operator-(const Cube6& a, const Cube6& b);
+Cube6 operator*(const Cube6& a, double s);
+double dot(const Cube6& a, const Cube6& b);
+void add(Cube6& cube, Vec3 direction, Rgbd weight); // weight: radiance times solid angle
 
 constexpr std::uint32_t kNoLeaf = UINT32_MAX;
 struct AirPart {           // an open leaf that may reach into a box
@@ -49,7 +57,7 @@ struct Air {
         if (hidden) hidden(from, to, is_clear);
         for (std::size_t i = 0; i < from.size(); ++i) is_clear[i] = hidden ? !is_clear[i] : clear(from[i], to[i]);
     }
-    std::function<void(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival&)> rest; // all but entity lights
+    std::function<Cube6(Vec3 point, std::uint32_t rays, std::uint64_t seed)> rest; // all but entity lights
     Memo* memo = nullptr; // of an earlier lattice in the same geometry; none: nothing is kept
     std::uint32_t light_count = 0;
     std::function<void(Vec3 point, const std::function<void(std::uint32_t light)>&)> each_light; // that may reach it, ascending

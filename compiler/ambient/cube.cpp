@@ -37,8 +37,7 @@ void gather(const Air& air, Vec3 point, std::uint32_t rays, std::uint64_t seed, 
     const double old_share = double(into.rays) / double(into.rays + rays);
     std::uint64_t half = 0;
     for (Cube6* side : {&into.a, &into.b}) {
-        Cube6 sum{};
-        air.rest(point, rays / 2, mix(seed, std::uint64_t(into.rays), half++), [&](Vec3 direction, Rgbd weight) { add(sum, direction, weight); });
+        const Cube6 sum = air.rest(point, rays / 2, mix(seed, std::uint64_t(into.rays), half++));
         *side = *side * old_share + sum * (1 - old_share);
     }
     into.rays += rays;

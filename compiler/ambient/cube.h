@@ -5,13 +5,6 @@
 
 namespace kiln::ambient {
 
-using Cube6 = std::array<Rgbd, 6>;
-Cube6 operator+(const Cube6& a, const Cube6& b);
-Cube6 operator-(const Cube6& a, const Cube6& b);
-Cube6 operator*(const Cube6& a, double s);
-double dot(const Cube6& a, const Cube6& b);
-void add(Cube6& cube, Vec3 direction, Rgbd weight); // weight: radiance times solid angle
-
 struct Gathered {
     Cube6 a{}, b{};            // each an estimate by itself
     std::uint32_t rays = 0;    // of both together

@@ -40,20 +40,24 @@ public:
     // Light arriving from the whole sphere, less the error that its bundle of rays makes of uniform light. The same bundle in an empty
     // universe of radiance 1 has a known answer, so it serves as a control: what is left of it is subtracted, as much of it as the bundle's
     // mean radiance. In a furnace the cube is exact; elsewhere it is less noisy (measured: 128 rays made 4.6 % of pi at worst without this).
-    void operator()(Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) const {
-        thread_local std::vector<FieldEmitters::Arriving> of_ray;
-        of_ray.clear();
-        Rgbd sum{};
-        rest_.arriving(point, {}, rays, seed, arrival, [&](Vec3 direction, Rgbd weight) { of_ray.push_back({direction, weight}), sum += weight; });
-        const Rgbd mean_radiance = sum / (4 * std::numbers::pi), each = sum / static_cast<double>(of_ray.size());
-        if (!(max_component(mean_radiance) > 0)) return;
-        for (const FieldEmitters::Arriving& a : of_ray) arrival(a.direction, a.weight - each);
-        // Uniform light itself, of which six axes make every integral of degree up to three exact.
-        for (std::size_t a = 0; a < 6; ++a) {
-            Vec3 axis{};
-            axis[a / 2] = a % 2 ? -1 : 1;
-            arrival(axis, mean_radiance * (4 * std::numbers::pi / 6));
-        }
+    Cube6 operator()(Vec3 point, std::uint32_t rays, std::uint64_t seed) const {
+        return rest_.sum<Cube6>(point, {}, rays, seed, 0, [](const KeptRest::Arrivals& arrivals) {
+            thread_local std::vector<FieldEmitters::Arriving> of_ray;
+            of_ray.clear();
+            Cube6 cube{};
+            Rgbd sum{};
+            arrivals([&](Vec3 direction, Rgbd weight) { add(cube, direction, weight); }, [&](Vec3 direction, Rgbd weight) { of_ray.push_back({direction, weight}), sum += weight; });
+            const Rgbd mean_radiance = sum / (4 * std::numbers::pi), each = sum / static_cast<double>(of_ray.size());
+            if (!(max_component(mean_radiance) > 0)) return cube;
+            for (const FieldEmitters::Arriving& a : of_ray) add(cube, a.direction, a.weight - each);
+            // Uniform light itself, of which six axes make every integral of degree up to three exact.
+            for (std::size_t a = 0; a < 6; ++a) {
+                Vec3 axis{};
+                axis[a / 2] = a % 2 ? -1 : 1;
+                add(cube, axis, mean_radiance * (4 * std::numbers::pi / 6));
+            }
+            return cube;
+        });
     }
 
 private:
@@ -192,7 +196,7 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
     air.beside_faces = [places = std::make_shared<const FacePlaces>(surfaces)](const Box3& box, const std::vector<HalfSpace>& within) { return places->in(box, within); };
     air.clear = [&scene](Vec3 from, Vec3 to) { return !scene.occluded(from, to); };
     air.hidden = [&scene](std::span<const Vec3> from, std::span<const Vec3> to, std::span<std::uint8_t> hidden) { scene.occluded(from, to, hidden); };
-    air.rest = [rest = std::make_shared<const Rest>(field, memo)](Vec3 point, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) { (*rest)(point, rays, seed, arrival); };
+    air.rest = [rest = std::make_shared<const Rest>(field, memo)](Vec3 point, std::uint32_t rays, std::uint64_t seed) { return (*rest)(point, rays, seed); };
     air.light_count = static_cast<std::uint32_t>(lights.size());
     air.each_light = [&field](Vec3 point, const std::function<void(std::uint32_t)>& visit) { field.each_light(point, visit); };
     air.direct = [&lights](std::uint32_t l, Vec3 point) -> std::optional<DirectLight> {

@@ -61,13 +61,17 @@ public:
         out.shown = LuxelKernel::displayed(kernel.shown(read.flat, read.rnm));
         const Vec3 n = s_.faces[place.face.at()].normal;
         const auto seed = [&](std::uint64_t what) { return mix_place(place.position - corner_, options_.seed, 92 + what); };
+        const std::uint64_t of_kernel = hash_of(std::pair(kernel.frame, std::pair(kernel.encoding, kernel.cone ? kernel.cone->cone_deg() : -1.0))).low;
         KernelSum lamps;
         field_.arriving_direct(place.position, n, seed(0), [&](Vec3 direction, Rgbd weight) { kernel.add(lamps, direction, weight); });
         for (std::size_t k = 0; k < kAnswers; ++k) {
-            KernelSum sum = lamps;
-            const auto add = [&](Vec3 direction, Rgbd weight) { kernel.add(sum, direction, weight); };
-            rest_.arriving(place.position, n, options_.rays, seed(k), add, add);
-            out.light[k] = LuxelKernel::displayed(kernel.shown(sum));
+            KernelSum sum = rest_.sum<KernelSum>(place.position, n, options_.rays, seed(k), of_kernel, [&](const KeptRest::Arrivals& arrivals) {
+                KernelSum rest;
+                const auto add = [&](Vec3 direction, Rgbd weight) { kernel.add(rest, direction, weight); };
+                arrivals(add, add);
+                return rest;
+            });
+            out.light[k] = LuxelKernel::displayed(kernel.shown(sum += lamps));
         }
         return out;
     }

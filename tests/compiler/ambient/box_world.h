@@ -99,14 +99,16 @@ inline Air air_of(const BoxWorld& world) {
     air.leaf_of = [&world](Vec3 p) { return world.in_air(p) ? 0u : kNoLeaf; };
     air.closest = [&world](Vec3 o, Vec3 d) { return world.closest(o, d); };
     air.clear = [&world](Vec3 a, Vec3 b) { return world.clear(a, b); };
-    air.rest = [&world](Vec3 p, std::uint32_t rays, std::uint64_t seed, const Arrival& arrival) {
+    air.rest = [&world](Vec3 p, std::uint32_t rays, std::uint64_t seed) {
+        Cube6 sum{};
         const auto directions = exact_directions((rays + 11) / 12, seed);
         const double weight = 4 * std::numbers::pi / double(directions.size());
         for (const Vec3& d : directions) {
             const auto hit = world.closest(p, d);
             const Rgbd l = world.radiance(hit ? p + d * hit->distance : p, d);
-            if (max_component(l) > 0) arrival(d, l * weight);
+            add(sum, d, l * weight);
         }
+        return sum;
     };
     air.light_count = static_cast<std::uint32_t>(world.lamps.size());
     air.each_light = [&world](Vec3, const std::function<void(std::uint32_t)>& visit) {
