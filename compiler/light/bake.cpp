@@ -151,7 +151,8 @@ LuxelKernel Bake::kernel_of(std::uint32_t l) const {
     LuxelKernel k;
     k.encoding = options_.encoding;
     k.cone = cones_[luxel.chart.at()].get();
-    k.frame = light_frame(surfaces_, luxel.face, luxel_centroid(luxel));
+    const Chart& chart = surfaces_.charts[luxel.chart.at()];
+    k.frame = chart.smooth ? light_frame(surfaces_, luxel.face, luxel_centroid(luxel)) : chart.frame;
     return k;
 }
 
@@ -281,7 +282,6 @@ bool Bake::is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_
 // `parent`: of each patch, in `table`.
 void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const {
     const std::size_t n = patches_.patches.size();
-    const std::uint32_t m = quality_.row_rays;
     light->place.resize(n), light->reach.assign(n, 0), light->far_from.resize(n);
     for (std::size_t p = 0; p < n; ++p) {
         const Vec3 place = light->place[p] = table.patches[parent[p]].centroid;
@@ -298,13 +298,13 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
     std::vector<std::uint32_t> count(n);
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
         for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p)
-            for (std::uint64_t i = std::uint64_t{p} * m; i < std::uint64_t{p + 1} * m; ++i) {
-                if (!is_far(*light, p, hits_[i])) continue;
-                ++count[p];
-                if (is_patch(hits_[i])) met[p] += static_cast<Rgbd>(light->patch[hits_[i]]);
-                const std::uint32_t emitter = emitter_of(hits_[i]);
-                if (emitter != UINT32_MAX && !listed(p, emitter)) met[p] += emitters_.emitters[emitter].radiance;
-            }
+            for_met(p, [&](std::uint32_t code, const Quarters& rays) {
+                if (!is_far(*light, p, code)) return;
+                count[p] += rays.all();
+                if (is_patch(code)) met[p] += static_cast<Rgbd>(light->patch[code]) * rays.all();
+                const std::uint32_t emitter = emitter_of(code);
+                if (emitter != UINT32_MAX && !listed(p, emitter)) met[p] += emitters_.emitters[emitter].radiance * rays.all();
+            });
     });
     std::vector<Rgbd> sum(table.patches.size());
     std::vector<double> weight(table.patches.size());
@@ -315,42 +315,43 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
     for (std::size_t p = 0; p < n; ++p) light->far[p] = static_cast<Rgb>(sum[parent[p]]);
 }
 
-// The same on patches of twice the size, rows and solution included, from the rays that have been traced.
-ReflectedLight Bake::coarse_light(const Rows& rows, const std::vector<Rgbd>& direct,
-                                  const std::vector<Rgbd>& first) {
+void Bake::make_larger() {
     const std::size_t n = patches_.patches.size();
-    const PatchTable coarse = build_patches(world_, surfaces_, edges_, 2 * quality_.patch_size);
-    const std::size_t m = coarse.patches.size();
-    std::vector<std::uint32_t> parent(n);
-    std::vector<std::vector<std::uint32_t>> children(m);
-    std::vector<double> area(m);
-    std::vector<Rgbd> coarse_direct(m), coarse_first(m), coarse_rho(m);
+    larger_ = {};
+    larger_.table = build_patches(world_, surfaces_, edges_, 2 * quality_.patch_size);
+    const std::size_t m = larger_.table.patches.size();
+    larger_.of.resize(n), larger_.parts.resize(m), larger_.area.resize(m);
     for (std::uint32_t p = 0; p < n; ++p) {
         const bool pieces = patches_.first_piece[p] < patches_.first_piece[p + 1];
-        parent[p] = pieces ? coarse.piece_patch[patches_.pieces[patches_.first_piece[p]]]
-                           : coarse.face_patch[patches_.patches[p].face.at()];
-        const std::uint32_t c = parent[p];
-        const double a = patches_.patches[p].area;
-        children[c].push_back(p);
-        area[c] += a;
-        coarse_direct[c] += direct[p] * a, coarse_first[c] += first[p] * a;
-        coarse_rho[c] += static_cast<Rgbd>(patches_.patches[p].reflectance) * a;
+        const std::uint32_t c = larger_.of[p] = pieces ? larger_.table.piece_patch[patches_.pieces[patches_.first_piece[p]]] : larger_.table.face_patch[patches_.patches[p].face.at()];
+        larger_.parts[c].push_back(p), larger_.area[c] += patches_.patches[p].area;
     }
-    for (std::uint32_t c = 0; c < m; ++c)
-        if (area[c] > 0) coarse_direct[c] = coarse_direct[c] / area[c], coarse_first[c] = coarse_first[c] / area[c], coarse_rho[c] = coarse_rho[c] / area[c];
-    const Rows merged = merge_rows(rows, parent, children, area);
+}
+
+// The solution on patches of twice the size.
+ReflectedLight Bake::coarse_light(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first) {
+    const std::size_t n = patches_.patches.size(), m = larger_.parts.size();
+    const std::vector<std::uint32_t>& parent = larger_.of;
+    std::vector<Rgbd> coarse_direct(m), coarse_first(m), coarse_rho(m);
+    for (std::uint32_t c = 0; c < m; ++c) {
+        for (const std::uint32_t p : larger_.parts[c]) {
+            const double a = patches_.patches[p].area;
+            coarse_direct[c] += direct[p] * a, coarse_first[c] += first[p] * a;
+            coarse_rho[c] += static_cast<Rgbd>(patches_.patches[p].reflectance) * a;
+        }
+        if (const double area = larger_.area[c]; area > 0) coarse_direct[c] = coarse_direct[c] / area, coarse_first[c] = coarse_first[c] / area, coarse_rho[c] = coarse_rho[c] / area;
+    }
     std::uint32_t iterations = 0;
     double residual = 0;
-    const std::vector<Rgbd> solved = solve(merged, coarse_first, coarse_rho, &iterations, &residual);
+    const std::vector<Rgbd> solved = solve(larger_.rows, coarse_first, coarse_rho, &iterations, &residual);
     std::vector<Rgbd> coarse_rest(m), rest(n), total(n);
     for (std::size_t c = 0; c < m; ++c) coarse_rest[c] = solved[c] - coarse_direct[c];
     for (std::size_t p = 0; p < n; ++p) rest[p] = coarse_rest[parent[p]], total[p] = coarse_direct[parent[p]] + rest[p];
     std::vector<std::uint32_t> luxel_parent(luxel_patch_);
     for (std::uint32_t& p : luxel_parent)
         if (p != kNoPatch) p = parent[p];
-    ReflectedLight out = reflected_light(values_at_luxels(surfaces_, edges_, coarse, luxel_parent, coarse_rest), total);
-    far_light(parent, coarse, 2 * quality_.patch_size, &out);
-    coarse_patch_ = std::move(parent);
+    ReflectedLight out = reflected_light(values_at_luxels(surfaces_, edges_, larger_.table, luxel_parent, coarse_rest), total);
+    far_light(parent, larger_.table, 2 * quality_.patch_size, &out);
     return out;
 }
 
@@ -388,15 +389,14 @@ void Bake::make_patches() {
         patch_luxel_first_.push_back(static_cast<std::uint32_t>(patch_luxels_.size()));
     }
 
-    find_neighbours();
+    find_neighbours(), make_larger();
     if (memo_) open_memo();
-    trace_rows();
-    rows_ = merge_rows();
+    make_rows();
     std::vector<Rgbd> rho;
     for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
     // First everything gathered, to know what is bright and what is dark; then the lights that deserve their own
     // rays.
-    choose_lights(solve(rows_, gathered_emission(false), rho, &out_.iterations, &residual_));
+    choose_lights(solve_gathered(rho));
     effort_.assign(n, 1);
     luxel_direct_all();
     rays_.assign(n, quality_.first_rays);
@@ -438,7 +438,7 @@ std::vector<Rgbd> Bake::solve_patches() {
     far_light(self, patches_, quality_.patch_size, &reflected_);
     bright_.clear();
     for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
-    coarse_ = coarse_light(rows_, direct, first);
+    coarse_ = coarse_light(direct, first);
     coarse_luxels_ = coarse_luxels();
     if (memo_) note_solution();
     return total;

@@ -5,6 +5,7 @@
 #include "compiler/light/memo.h"
 #include "compiler/light/patches.h"
 #include "compiler/light/sight.h"
+#include "libs/core/held.h"
 #include "libs/sampling/maps.h"
 #include <atomic>
 #include <functional>
@@ -137,12 +138,11 @@ struct PaneRays {
     template <class A> void fields(A& a) { a(ray, first, met); }
 };
 
-struct RowsMemo { // of one table of patches: Bake::hits_ and what belongs to it
-    std::vector<std::uint32_t> hits;
-    std::vector<std::uint8_t> cells, covered;
-    PaneRays panes;
-    std::array<std::uint64_t, 3> counts{};
-    template <class A> void fields(A& a) { a(hits, cells, covered, panes, counts); }
+// Of the rays of a row, by quarters of their sequence, those that met something.
+struct Quarters {
+    static constexpr bool kRawBytes = true;
+    std::array<std::uint16_t, 4> rays{};
+    std::uint32_t all() const { return std::uint32_t{rays[0]} + rays[1] + rays[2] + rays[3]; }
 };
 
 PaneRays joined(std::vector<PaneRays>& parts);
@@ -165,10 +165,10 @@ public:
     Lighting run();
 
 private:
-    struct Rows { // merged hit lists: F_ij for reflecting patches j
-        std::vector<std::uint64_t> first;
-        std::vector<std::uint32_t> patch;
-        std::vector<float> weight;
+    struct Rows { // merged hit lists: F_ij for patches j, in the order in which they were met first
+        Held<std::uint64_t> first;
+        Held<std::uint32_t> patch;
+        Held<float> weight;
         // Through panes: may be coloured. Empty without them.
         std::vector<std::uint64_t> filtered_first;
         std::vector<std::uint32_t> filtered_patch;
@@ -186,6 +186,7 @@ private:
     // relight.cpp
     void open_memo();
     bool load_rows();
+    void save_rows(const std::array<std::uint64_t, 3>& counts);
     void note_reflected(std::uint32_t patch);
     void note_solution();
     void note_lists();
@@ -194,18 +195,31 @@ private:
     void luxel_direct_of(std::uint32_t patch, std::uint64_t pass, std::vector<std::uint8_t>* divided, std::uint64_t* rays);
     std::uint64_t gather_key(std::uint32_t patch) const;
     // rows.cpp
-    void trace_rows();
-    template <class Of> Rows built(std::size_t count, const Of& of) const;
-    Rows merge_rows() const;
-    Rows merge_rows(const Rows& fine, const std::vector<std::uint32_t>& parent, const std::vector<std::vector<std::uint32_t>>& children, const std::vector<double>& area) const;
+    HitCounts trace_rows();
+    void merge_hits();
+    void weigh_rows();
+    void merge_larger();
+    void make_rows();
+    // body(code, quarters) for all that a row met that is a patch, or shines.
+    void for_met(std::size_t p, const auto& body) const {
+        for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) body(rows_.patch[k], met_[k]);
+        for (std::uint64_t k = lone_first_[p]; k < lone_first_[p + 1]; ++k) body(lone_[k], lone_met_[k]);
+    }
+    // Likewise body(ray) for its rays through panes; their numbers in pane_rays_.ray.
+    void for_pane_rays(std::size_t p, const auto& body) const {
+        if (pane_rays_.ray.empty()) return;
+        const std::uint64_t m = quality_.row_rays;
+        for (auto r = std::ranges::lower_bound(pane_rays_.ray, p * m); r != pane_rays_.ray.end() && *r < (p + 1) * m; ++r) body(*r);
+    }
     std::vector<Rgbd> gathered_emission(bool only_unlisted) const;
+    std::vector<Rgbd> solve_gathered(const std::vector<Rgbd>& rho);
     std::vector<Rgbd> solve(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho,
                             std::uint32_t* iterations, double* residual);
     // transmission_rows.cpp
     void note_panes(std::uint64_t ray, Vec3 origin, Vec3 way, double far, const Widths& widths, std::uint32_t& code, PaneRays& out) const;
     std::uint32_t code_at(const SceneHit& hit) const;
     void merge_filtered(Rows& rows) const;
-    void merge_filtered(const Rows& fine, const std::vector<std::uint32_t>& parent, const std::vector<std::vector<std::uint32_t>>& children, const std::vector<double>& area, Rows& rows) const;
+    void merge_filtered_larger();
     std::uint32_t emitter_of(std::uint32_t code) const;
     Rgbd emission_through_panes(std::uint64_t ray, std::uint32_t patch, bool only_unlisted) const;
     double light_through_panes(std::uint64_t ray, std::uint32_t patch) const;
@@ -262,8 +276,7 @@ private:
     void share_rays(double wanted);
     // smooth.cpp
     void smooth();
-    std::vector<std::uint8_t> within_reach_of_new();
-    std::uint64_t smooth_key(std::uint32_t patch, std::span<const std::uint32_t> at_texel, std::span<const std::uint64_t> left_to_rays) const;
+    std::vector<std::uint8_t> luxels_within(int reach, const std::function<bool(std::uint32_t)>& these) const;
     void each_gathered(const std::function<void(std::uint32_t)>& body);
     KernelSum light_of(std::uint32_t luxel) const; // all of it, as it is baked
     void store_luxels();
@@ -298,7 +311,8 @@ private:
     Rgbd emitted_by(std::uint32_t p) const { return patch_emitter_[p] == UINT32_MAX ? Rgbd{} : emitters_.emitters[patch_emitter_[p]].radiance; }
     bool is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const;
     void far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const;
-    ReflectedLight coarse_light(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
+    ReflectedLight coarse_light(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
+    void make_larger();
     void fill();
     HemisphereMap map_of(ChartId chart) const;
 
@@ -323,8 +337,8 @@ private:
     std::vector<std::uint32_t> patch_emitter_;           // per patch; UINT32_MAX: none
     std::vector<Clusters> clusters_;           // per patch: it lies in
     std::vector<std::uint8_t> covered_;        // per patch: it looks into what is solid; nothing is baked there
-    std::vector<std::uint32_t> hits_;          // row_rays per patch, in ray order
-    std::vector<std::uint8_t> hit_cells_;      // of those rays, in guides of the patch's chart
+    Held<std::uint32_t> hits_;                 // row_rays per patch, in ray order
+    Held<std::uint8_t> hit_cells_;             // of those rays, in guides of the patch's chart
     PaneRays pane_rays_;
     std::vector<double> estimate_;             // per patch: mean irradiance, everything gathered
     double residual_ = 0;                      // relative, of the last solution
@@ -341,13 +355,23 @@ private:
     std::uint64_t direct_passes_ = 0;
     std::uint64_t own_round_ = 0; // of gathering with luxels' own light; 0: not now
     Rows rows_;
+    Held<Quarters> met_;                       // per entry of the rows
+    Held<std::uint64_t> lone_first_;           // per patch, and one more: into
+    Held<std::uint32_t> lone_;                 // what its row met that shines and is no patch: codes as of hits_
+    Held<Quarters> lone_met_;
+    struct Larger { // patches of twice the size, of which the difference to these tells the error of either
+        PatchTable table;
+        std::vector<std::uint32_t> of; // of each patch, in which of them it lies
+        std::vector<std::vector<std::uint32_t>> parts;
+        std::vector<double> area;
+        Rows rows; // from the rays of the parts
+    } larger_;
     std::vector<Rgbd> rest_;                                      // per patch: irradiance that is not direct
     std::vector<Rgbd> solved_direct_;                             // and that which is, as the bounces were solved
     std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
     ReflectedLight reflected_;
     std::vector<double> bright_;               // per patch: luminance of what it reflects
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
-    std::vector<std::uint32_t> coarse_patch_;  // of each patch, which of those
     ReflectedLight coarse_luxels_;             // with direct light as luxels of twice the size would show it
     std::vector<KernelSum> gathered_, smoothed_;                  // per luxel: what its rays gathered; with what its neighbours tell
     std::vector<std::array<double, 4>> gathered_variance_;        // of what is shown, by these rays

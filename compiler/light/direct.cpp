@@ -125,8 +125,6 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             const Patch& patch = patches_.patches[p];
             if (!receives(p)) continue;
             clusters_[p] = sight_.of_patch(surfaces_, patches_, p, scene_.push_off());
-            const Footprint footprint = footprint_of_patch(p);
-            if (footprint.empty()) continue;
             const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);
             const bool many_ways = looks_many_ways(p);
             // Entities, strongest first.
@@ -152,6 +150,8 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                 }
             }
             const std::uint64_t rays_before = rays;
+            const Footprint footprint = footprint_of_patch(p);
+            if (footprint.empty()) continue;
             const Sobol points(seed_at(patch.centroid, 2));
             // Test rays: two for each luxel where much is at stake, so that no thin shadow falls between. For an entity where little is, no closer
             // together on a patch of few luxels than on others.
@@ -514,14 +514,23 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     const std::uint64_t key = memo_ ? mix(base_, table_.low, p, effort_[p], pass) : 0;
     PatchDirect kept, now;
     if (const auto bytes = memo_ && !luxels.empty() ? memo_->direct.find(key, {}) : std::nullopt) kept = from_bytes<PatchDirect>(*bytes);
-    std::vector<std::size_t> found(list.size(), SIZE_MAX); // in `kept`
-    bool all_found = kept.refs.size() == list.size();
-    for (std::size_t r = 0; memo_ && r < list.size(); ++r) {
-        now.refs.push_back(hash_of_ref(list[r]));
-        const auto at = std::ranges::find(kept.refs, now.refs[r]);
-        if (at != kept.refs.end()) found[r] = static_cast<std::size_t>(at - kept.refs.begin());
-        all_found = all_found && found[r] == r;
+    const auto take = [&](std::size_t r, const std::vector<LuxelDirect>& part, std::uint8_t is_divided, std::uint64_t traced) {
+        double brought = 0;
+        for (std::size_t i = 0; i < part.size(); ++i) direct_[luxels[i]] += part[i].sum.sum(), variances[i] += static_cast<double>(part[i].variance), brought += mean(static_cast<Rgbd>(part[i].sum.flat));
+        if (!luxels.empty()) brought_[p][r] = static_cast<float>(brought / static_cast<double>(luxels.size()));
+        (*divided)[r] = is_divided, *rays += traced;
+    };
+    const auto tell_variances = [&] {
+        for (std::size_t i = 0; i < luxels.size(); ++i) direct_variance_[luxels[i]] = static_cast<float>(variances[i]);
+    };
+    for (std::size_t r = 0; memo_ && r < list.size(); ++r) now.refs.push_back(hash_of_ref(list[r]));
+    if (memo_ && !luxels.empty() && kept.refs == now.refs) {
+        for (std::size_t r = 0; r < list.size(); ++r) take(r, kept.luxels[r], kept.divided[r], kept.rays[r]);
+        return tell_variances();
     }
+    std::vector<std::size_t> found(list.size(), SIZE_MAX); // in `kept`
+    for (std::size_t r = 0; r < now.refs.size(); ++r)
+        if (const auto at = std::ranges::find(kept.refs, now.refs[r]); at != kept.refs.end()) found[r] = static_cast<std::size_t>(at - kept.refs.begin());
     std::vector<Footprint> footprints; // made when they are asked for
     std::vector<LuxelKernel> kernels;
     std::vector<Receiver> receivers;
@@ -548,13 +557,10 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
             }
             if (dark) part.clear();
         }
-        double brought = 0;
-        for (std::size_t i = 0; i < part.size(); ++i) direct_[luxels[i]] += part[i].sum.sum(), variances[i] += static_cast<double>(part[i].variance), brought += mean(static_cast<Rgbd>(part[i].sum.flat));
-        if (n) brought_[p][r] = static_cast<float>(brought / static_cast<double>(n));
-        (*divided)[r] = now.divided[r], *rays += now.rays[r];
+        take(r, part, now.divided[r], now.rays[r]);
     }
-    for (std::size_t i = 0; i < n; ++i) direct_variance_[luxels[i]] = static_cast<float>(variances[i]);
-    if (memo_ && n && !all_found) memo_->direct.keep(key, {}, {}, to_bytes(now));
+    tell_variances();
+    if (memo_ && n) memo_->direct.keep(key, {}, {}, to_bytes(now));
 }
 
 // Which lights were found to be in full view of some luxels of a patch only, though its test rays had agreed: per patch and place in its list.

@@ -121,29 +121,32 @@ bool Bake::of_luxels(const Luxel& luxel) const {
 // The coarse solution with direct light, too, as luxels of twice the size would show it: what smaller luxels would still change. Those of one patch are put together.
 ReflectedLight Bake::coarse_luxels() const {
     ReflectedLight out = coarse_;
-    std::vector<std::pair<std::array<std::uint32_t, 4>, std::uint32_t>> blocks; // chart, column, row and coarse patch; luxel
-    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l) {
-        const Luxel& luxel = surfaces_.luxels[l];
-        if (luxel_patch_[l] == kNoPatch) continue;
-        const std::uint32_t side = of_luxels(luxel) ? 1u << 16 : 2; // the coarse patch itself is no larger than two luxels
-        blocks.push_back({{luxel.chart.value, luxel.x / side, luxel.y / side, coarse_patch_[luxel_patch_[l]]}, l});
-    }
-    std::ranges::sort(blocks);
-    for (std::size_t i = 0, end = 0; i < blocks.size(); i = end) {
-        while (end < blocks.size() && blocks[end].first == blocks[i].first) ++end;
-        Rgbd sum;
-        double area = 0;
-        const auto texel = [&](std::size_t k) { return texel_of(surfaces_, surfaces_.luxels[blocks[k].second]); };
-        for (std::size_t k = i; k < end; ++k) {
-            const Luxel& luxel = surfaces_.luxels[blocks[k].second];
-            const double a = luxel.area * luxel_area(surfaces_, luxel.face);
-            sum += static_cast<Rgbd>(out.direct[texel(k)]) * a, area += a;
-        }
-        if (!(area > 0)) continue;
-        for (std::size_t k = i; k < end; ++k) {
-            const std::size_t t = texel(k);
-            out.texel[t] = static_cast<Rgb>(static_cast<Rgbd>(out.texel[t]) - static_cast<Rgbd>(out.direct[t]) + sum / area);
-            out.direct[t] = static_cast<Rgb>(sum / area);
+    std::vector<std::pair<std::array<std::uint32_t, 2>, std::uint32_t>> blocks; // of a coarse patch: column and row; luxel
+    for (const std::vector<std::uint32_t>& parts : larger_.parts) {
+        blocks.clear();
+        for (const std::uint32_t p : parts)
+            for (const std::uint32_t l : luxels_of(p)) {
+                const Luxel& luxel = surfaces_.luxels[l];
+                const std::uint32_t side = of_luxels(luxel) ? 1u << 16 : 2; // the coarse patch itself is no larger than two luxels
+                blocks.push_back({{luxel.x / side, luxel.y / side}, l});
+            }
+        std::ranges::sort(blocks);
+        for (std::size_t i = 0, end = 0; i < blocks.size(); i = end) {
+            while (end < blocks.size() && blocks[end].first == blocks[i].first) ++end;
+            Rgbd sum;
+            double area = 0;
+            const auto texel = [&](std::size_t k) { return texel_of(surfaces_, surfaces_.luxels[blocks[k].second]); };
+            for (std::size_t k = i; k < end; ++k) {
+                const Luxel& luxel = surfaces_.luxels[blocks[k].second];
+                const double a = luxel.area * luxel_area(surfaces_, luxel.face);
+                sum += static_cast<Rgbd>(out.direct[texel(k)]) * a, area += a;
+            }
+            if (!(area > 0)) continue;
+            for (std::size_t k = i; k < end; ++k) {
+                const std::size_t t = texel(k);
+                out.texel[t] = static_cast<Rgb>(static_cast<Rgbd>(out.texel[t]) - static_cast<Rgbd>(out.direct[t]) + sum / area);
+                out.direct[t] = static_cast<Rgb>(sum / area);
+            }
         }
     }
     return out;
@@ -263,13 +266,6 @@ double Bake::solution_noise() const {
     constexpr double kLeft = 0.1; // of the whole: what may be left of later bounces
     const std::uint32_t m = quality_.row_rays, part = m / kQuarters;
     const std::size_t n = patches_.patches.size();
-    const auto row_ray = [&](std::uint64_t ray, const auto& meets) { // meets(patch, what of its light arrives)
-        const std::uint32_t hit = hits_[ray];
-        if (is_patch(hit)) meets(hit, 1.0);
-        if (hit != kHitPanes) return;
-        for (const PaneRays::Met& met : pane_rays_.of(ray))
-            if (is_patch(met.code)) meets(met.code, static_cast<Rgbd>(met.reflected));
-    };
     std::vector<Rgbd> rho, reflected;
     for (std::size_t p = 0; p < n; ++p) rho.push_back(static_cast<Rgbd>(patches_.patches[p].reflectance)), reflected.push_back(rho[p] * (rest_[p] + solved_direct_[p]));
     constexpr std::size_t kChunk = 256;
@@ -281,18 +277,20 @@ double Bake::solution_noise() const {
     };
     std::vector<Leaves> told(n), sum(n), next(n), leaving(n);
     each_patch([&](std::uint32_t p, std::size_t) {
-        for (std::uint32_t q = 0; q < kQuarters; ++q) {
-            Rgbd emitted, met;
-            for (std::uint64_t ray = std::uint64_t{p} * m + q * part; ray < std::uint64_t{p} * m + (q + 1) * part; ++ray) {
-                const std::uint32_t hit = hits_[ray], emitter = emitter_of(hit);
-                if (hit == kHitEscaped) emitted += sky_;
-                else if (hit == kHitPanes) emitted += emission_through_panes(ray, p, true);
-                else if (emitter != UINT32_MAX && !listed(p, emitter)) emitted += emitters_.emitters[emitter].radiance;
-                row_ray(ray, [&](std::uint32_t patch, auto arrives) { met += reflected[patch] * arrives; });
-            }
-            const Rgbd arriving = (emitted * std::numbers::pi + met) / part;
-            for (std::uint32_t k = 0; k < kWays; ++k) told[p].way[k] += arriving * (q == 0 || q == k + 1 ? 0.25 : -0.25);
-        }
+        std::array<Rgbd, kQuarters> arriving{}; // times the rays of a quarter
+        for_met(p, [&](std::uint32_t code, const Quarters& met) {
+            Rgbd light = is_patch(code) ? reflected[code] : code == kHitEscaped ? sky_ * std::numbers::pi : Rgbd{};
+            if (const std::uint32_t emitter = emitter_of(code); emitter != UINT32_MAX && !listed(p, emitter)) light += emitters_.emitters[emitter].radiance * std::numbers::pi;
+            for (std::uint32_t q = 0; q < kQuarters; ++q) arriving[q] += light * met.rays[q];
+        });
+        for_pane_rays(p, [&](std::uint64_t ray) {
+            Rgbd& to = arriving[(ray - std::uint64_t{p} * m) / part];
+            to += emission_through_panes(ray, p, true) * std::numbers::pi;
+            for (const PaneRays::Met& met : pane_rays_.of(ray))
+                if (is_patch(met.code)) to += reflected[met.code] * static_cast<Rgbd>(met.reflected);
+        });
+        for (std::uint32_t k = 0; k < kWays; ++k)
+            for (std::uint32_t q = 0; q < kQuarters; ++q) told[p].way[k] += arriving[q] * ((q == 0 || q == k + 1 ? 0.25 : -0.25) / part);
     });
     // Most of such noise averages out at the first bounces; what all of a bright room has in common does not.
     double rho_max = 0;
@@ -329,7 +327,15 @@ double Bake::solution_noise() const {
         const double a = luxel_area_of(p);
         if (!(a > 0) || covered_[p]) return;
         std::array<Leaves, 2> half;
-        for (std::uint32_t i = 0; i < m; ++i) row_ray(std::uint64_t{p} * m + i, [&](std::uint32_t patch, auto arrives) { half[i * 2 / m] += sum[patch] * arrives; });
+        for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) {
+            const auto& rays = met_[k].rays;
+            for (std::size_t h = 0; h < 2; ++h)
+                if (const auto count = static_cast<double>(rays[2 * h] + rays[2 * h + 1]); count > 0) half[h] += sum[rows_.patch[k]] * count;
+        }
+        for_pane_rays(p, [&](std::uint64_t ray) {
+            for (const PaneRays::Met& met : pane_rays_.of(ray))
+                if (is_patch(met.code)) half[(ray - std::uint64_t{p} * m) * 2 / m] += sum[met.code] * static_cast<Rgbd>(met.reflected);
+        });
         const Rgbd now = rest_[p] + solved_direct_[p];
         for (std::size_t c = 0; c < 3; ++c) {
             const double scale = std::max(now[c], options_.error_floor * level[c]) * m / 2;

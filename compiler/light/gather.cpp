@@ -417,7 +417,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 if (memo_) memo_->gather.keep(key, states_, looked.parts(), to_bytes(gathered));
             }
             double variance = 0;
-            if (memo_) gathered_hash_[p] = hash_of(gathered.luxels).low;
+            if (memo_) gathered_hash_[p] = hash_bytes({reinterpret_cast<const std::uint8_t*>(gathered.luxels.data()), gathered.luxels.size() * sizeof(StoredGather)}).low;
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
                 const StoredGather& g = gathered.luxels[k - patch_luxel_first_[p]];

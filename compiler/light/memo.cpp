@@ -22,10 +22,6 @@ Bytes packed(const std::vector<std::uint32_t>& parts) {
     return out;
 }
 
-std::uint64_t chained(std::uint64_t sum, std::uint64_t state) {
-    return (sum ^ state) * 0x9E3779B97F4A7C15ull + (sum >> 29);
-}
-
 // The states of packed parts taken together; false: these are none.
 bool seen_of(std::span<const std::uint8_t> parts, const std::vector<std::uint64_t>& states, std::uint64_t* seen) {
     std::uint64_t sum = parts.size();

@@ -37,25 +37,50 @@ void Bake::open_memo() {
         base_ = hash_bytes(w.bytes).low | 1;
     }
     ByteWriter w;
-    w(quality_.row_rays, geometry_);
+    w(quality_.row_rays, quality_.patch_size, geometry_); // larger patches go by the size asked for
     for (const Patch& p : patches_.patches) w(p.face, p.centroid, p.area, max_component(p.reflectance) > 0);
     table_ = hash_bytes(w.bytes);
 }
 
+// Tables are used where they lie in the file: the widest first, so that all are aligned.
 bool Bake::load_rows() {
     if (!memo_ || !memo_->load_rows) return false;
-    const std::optional<Buffer> bytes = memo_->load_rows(table_);
+    std::optional<Buffer> bytes = memo_->load_rows(table_);
     if (!bytes) return false;
+    const auto file = std::make_shared<const Buffer>(*std::move(bytes));
     try {
-        RowsMemo rows = from_bytes<RowsMemo>(bytes->bytes());
-        const std::size_t n = patches_.patches.size();
-        if (rows.hits.size() != n * quality_.row_rays || rows.cells.size() != rows.hits.size() || rows.covered.size() != n) return false;
-        hits_ = std::move(rows.hits), hit_cells_ = std::move(rows.cells), covered_ = std::move(rows.covered), pane_rays_ = std::move(rows.panes);
-        counts_ += HitCounts{rows.counts[0], rows.counts[1], rows.counts[2]};
+        ByteReader r(file->bytes());
+        const auto next = [&]<class T>(Held<T>& to) { to = {r.view<T>(), file}; };
+        const std::size_t n = patches_.patches.size(), larger = larger_.parts.size();
+        Rows rows, larger_rows;
+        Held<std::uint64_t> lone_first;
+        Held<std::uint32_t> hits, lone;
+        Held<Quarters> met, lone_met;
+        Held<std::uint8_t> cells;
+        PaneRays panes;
+        std::array<std::uint64_t, 3> counts{};
+        std::vector<std::uint8_t> covered;
+        next(rows.first), next(lone_first), next(larger_rows.first), next(met), next(lone_met);
+        next(hits), next(rows.patch), next(lone), next(larger_rows.patch), next(larger_rows.weight), next(cells);
+        r(panes, counts, covered);
+        const auto fits = [](const Held<std::uint64_t>& first, std::size_t count, std::size_t entries) { return first.size() == count + 1 && first[count] == entries; };
+        if (hits.size() != n * quality_.row_rays || cells.size() != hits.size() || covered.size() != n || met.size() != rows.patch.size() || lone_met.size() != lone.size() ||
+            larger_rows.weight.size() != larger_rows.patch.size() || !fits(rows.first, n, met.size()) || !fits(lone_first, n, lone.size()) || !fits(larger_rows.first, larger, larger_rows.patch.size()))
+            return false;
+        hits_ = std::move(hits), hit_cells_ = std::move(cells), covered_ = std::move(covered), pane_rays_ = std::move(panes);
+        rows_ = std::move(rows), met_ = std::move(met), lone_first_ = std::move(lone_first), lone_ = std::move(lone), lone_met_ = std::move(lone_met), larger_.rows = std::move(larger_rows);
+        counts_ += HitCounts{counts[0], counts[1], counts[2]};
         return true;
     } catch (const ArchiveError&) {
         return false;
     }
+}
+
+void Bake::save_rows(const std::array<std::uint64_t, 3>& counts) {
+    if (!memo_ || !memo_->save_rows) return;
+    ByteWriter w;
+    w(rows_.first, lone_first_, larger_.rows.first, met_, lone_met_, hits_, rows_.patch, lone_, larger_.rows.patch, larger_.rows.weight, hit_cells_, pane_rays_, counts, covered_);
+    memo_->save_rows(table_, std::move(w.bytes));
 }
 
 // All that a ray may read at a patch.
@@ -88,14 +113,12 @@ void Bake::note_solution() {
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
         for (std::size_t p = begin; p < end; ++p) {
             std::uint64_t sum = 0;
-            for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) sum = mix(sum, seen[rows_.patch[k]]);
-            const std::size_t m = quality_.row_rays;
-            for (auto r = std::ranges::lower_bound(pane_rays_.ray, p * m); r != pane_rays_.ray.end() && *r < (p + 1) * m; ++r) {
-                const auto at = static_cast<std::size_t>(r - pane_rays_.ray.begin());
-                for (std::uint64_t k = pane_rays_.first[at]; k < pane_rays_.first[at + 1]; ++k)
-                    if (is_patch(pane_rays_.met[k].code)) sum = mix(sum, seen[pane_rays_.met[k].code]);
-            }
-            guides_[p] = sum;
+            for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) sum = chained(sum, seen[rows_.patch[k]]);
+            for_pane_rays(p, [&](std::uint64_t ray) {
+                for (const PaneRays::Met& met : pane_rays_.of(ray))
+                    if (is_patch(met.code)) sum = chained(sum, seen[met.code]);
+            });
+            guides_[p] = mix(sum);
         }
     });
 }

@@ -8,6 +8,7 @@
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
 #include <numbers>
+#include <tuple>
 
 namespace kiln {
 
@@ -22,12 +23,11 @@ std::uint32_t Bake::emitter_of(std::uint32_t code) const {
     return is_patch(code) ? patch_emitter_[code] : code < kHitPanes ? code & ~kHitEmitter : UINT32_MAX;
 }
 
-void Bake::trace_rows() {
+HitCounts Bake::trace_rows() {
     const std::uint32_t m = quality_.row_rays;
     const std::size_t n = patches_.patches.size();
-    if (load_rows()) return;
-    hits_.assign(n * m, kHitBlack);
-    hit_cells_.assign(n * m, 0);
+    std::vector<std::uint32_t> hits(n * m, kHitBlack);
+    std::vector<std::uint8_t> cells(n * m);
     covered_.assign(n, 0);
     constexpr std::size_t kChunk = 16;
     std::vector<HitCounts> counts(slots_of(n, kChunk));
@@ -48,7 +48,7 @@ void Bake::trace_rows() {
             const HemisphereMap map = face.chart.valid() ? map_of(face.chart) : HemisphereMap{};
             // Each in a loop of its own: what one ray waits for, the next works on meanwhile.
             for (std::uint32_t i = 0; i < m; ++i) squares[i] = points.pair(i, 0);
-            for (std::uint32_t i = 0; i < m; ++i) hit_cells_[p * m + i] = Guide::cell(map.from_cosine(squares[i]));
+            for (std::uint32_t i = 0; i < m; ++i) cells[p * m + i] = Guide::cell(map.from_cosine(squares[i]));
             for (std::uint32_t i = 0; i < m; ++i) {
                 const Footprint::Point at = footprint.sample(points.pair(i, 2));
                 const Frame frame = footprint.bent() ? frame_around(at.normal) : flat;
@@ -58,7 +58,7 @@ void Bake::trace_rows() {
             scene_.closest(origins, directions, found);
             HitCounts c{.rays = m};
             for (std::uint32_t i = 0; i < m; ++i) {
-                std::uint32_t& code = hits_[p * m + i];
+                std::uint32_t& code = hits[p * m + i];
                 if (!found[i]) {
                     code = kHitEscaped, ++c.escaped;
                 } else if (found[i]->back) {
@@ -73,98 +73,156 @@ void Bake::trace_rows() {
             // A face of a brush model that stands in the world's solid, say: no light, and no leak either.
             if (2 * (c.back + (sealed_ ? c.escaped : 0)) > m) {
                 covered_[p] = 1;
-                std::fill_n(hits_.begin() + static_cast<std::ptrdiff_t>(p * m), m, kHitBlack);
+                std::fill_n(hits.begin() + static_cast<std::ptrdiff_t>(p * m), m, kHitBlack);
                 c = {.rays = m};
             }
             counts[begin / kChunk] += c;
         }
     });
     pane_rays_ = joined(through);
+    hits_ = std::move(hits), hit_cells_ = std::move(cells);
     HitCounts all;
     for (const HitCounts& c : counts) all += c;
-    counts_ += all;
-    if (memo_ && memo_->save_rows) {
-        ByteWriter w; // a RowsMemo, without a copy of all the hits
-        w(hits_, hit_cells_, covered_, pane_rays_, std::array{all.rays, all.escaped, all.back});
-        memo_->save_rows(table_, std::move(w.bytes));
-    }
+    return all;
 }
 
-// `count` rows of what `of(row, add)` adds up, each in the order in which patches were met first.
-template <class Of> Bake::Rows Bake::built(std::size_t count, const Of& of) const {
-    constexpr std::size_t kChunk = 256;
-    std::vector<Rows> parts(slots_of(count, kChunk));
-    parallel_chunks(context_, count, kChunk, [&](std::size_t begin, std::size_t end) {
-        thread_local std::vector<double> sum; // all 0 in between
-        sum.resize(std::max(sum.size(), patches_.patches.size()));
-        Rows& rows = parts[begin / kChunk];
+namespace {
+
+// Tables of many rows that are made in parts.
+template <class... T> struct Parts {
+    struct Part {
+        std::vector<std::uint64_t> first;
+        std::tuple<std::vector<T>...> entries;
+    };
+    std::vector<Part> parts;
+    explicit Parts(std::size_t count) : parts(count) {}
+    // body(first, entries...) with all of them
+    void join(const auto& body) const {
+        std::vector<std::uint64_t> first{0};
+        std::tuple<std::vector<T>...> all;
+        const auto each = [&]<std::size_t... k>(std::index_sequence<k...>) {
+            std::size_t rows = 1, size = 0;
+            for (const Part& p : parts) rows += p.first.size(), size += std::get<0>(p.entries).size();
+            first.reserve(rows), (std::get<k>(all).reserve(size), ...);
+            for (const Part& p : parts) {
+                const std::size_t at = std::get<0>(all).size();
+                for (const std::uint64_t end : p.first) first.push_back(at + end);
+                (std::get<k>(all).insert(std::get<k>(all).end(), std::get<k>(p.entries).begin(), std::get<k>(p.entries).end()), ...);
+            }
+            body(std::move(first), std::move(std::get<k>(all))...);
+        };
+        each(std::index_sequence_for<T...>());
+    }
+};
+constexpr std::size_t kRowsAtOnce = 256;
+
+} // namespace
+
+// What each row met, in the order in which it was met first.
+void Bake::merge_hits() {
+    const std::uint32_t m = quality_.row_rays;
+    const std::size_t n = patches_.patches.size();
+    Parts<std::uint32_t, Quarters> patches(slots_of(n, kRowsAtOnce)), lone(patches.parts.size());
+    parallel_chunks(context_, n, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
+        thread_local std::vector<std::uint32_t> place; // of a patch in the row; UINT32_MAX in between
+        place.resize(std::max(place.size(), n), UINT32_MAX);
+        auto& [met_first, met] = patches.parts[begin / kRowsAtOnce];
+        auto& [alone_first, alone] = lone.parts[begin / kRowsAtOnce];
         for (std::size_t row = begin; row < end; ++row) {
-            const std::size_t first = rows.patch.size();
-            rows.first.push_back(first);
-            of(row, [&](std::uint32_t patch, double weight) {
-                if (sum[patch] == 0) rows.patch.push_back(patch);
-                sum[patch] += weight;
-            });
-            for (std::size_t k = first; k < rows.patch.size(); ++k) rows.weight.push_back(static_cast<float>(sum[rows.patch[k]])), sum[rows.patch[k]] = 0;
+            auto& [codes, rays] = met;
+            auto& [others, other_rays] = alone;
+            const std::size_t first = codes.size(), first_other = others.size();
+            for (std::uint32_t i = 0; i < m; ++i) {
+                const std::uint32_t code = hits_[row * m + i], quarter = i * 4 / m;
+                if (is_patch(code)) {
+                    if (place[code] == UINT32_MAX) place[code] = static_cast<std::uint32_t>(codes.size()), codes.push_back(code), rays.emplace_back();
+                    ++rays[place[code]].rays[quarter];
+                } else if (code == kHitEscaped || code < kHitPanes) { // few kinds in a row
+                    const auto at = std::find(others.begin() + static_cast<std::ptrdiff_t>(first_other), others.end(), code) - others.begin();
+                    if (static_cast<std::size_t>(at) == others.size()) others.push_back(code), other_rays.emplace_back();
+                    ++other_rays[static_cast<std::size_t>(at)].rays[quarter];
+                }
+            }
+            for (std::size_t k = first; k < codes.size(); ++k) place[codes[k]] = UINT32_MAX;
+            met_first.push_back(codes.size()), alone_first.push_back(others.size());
         }
     });
-    std::vector<std::uint64_t> at{0}; // of each part, among all
-    for (const Rows& part : parts) at.push_back(at.back() + part.patch.size());
-    Rows all;
-    all.first.resize(count + 1, at.back()), all.patch.resize(at.back()), all.weight.resize(at.back());
-    parallel_chunks(context_, count, kChunk, [&](std::size_t begin, std::size_t) {
-        const Rows& part = parts[begin / kChunk];
-        const auto to = static_cast<std::ptrdiff_t>(at[begin / kChunk]);
-        for (std::size_t k = 0; k < part.first.size(); ++k) all.first[begin + k] = static_cast<std::uint64_t>(to) + part.first[k];
-        std::ranges::copy(part.patch, all.patch.begin() + to), std::ranges::copy(part.weight, all.weight.begin() + to);
-    });
-    return all;
+    patches.join([&](std::vector<std::uint64_t> first, std::vector<std::uint32_t> codes, std::vector<Quarters> rays) { rows_ = {std::move(first), std::move(codes), {}, {}, {}, {}}, met_ = std::move(rays); });
+    lone.join([&](std::vector<std::uint64_t> first, std::vector<std::uint32_t> codes, std::vector<Quarters> rays) { lone_first_ = std::move(first), lone_ = std::move(codes), lone_met_ = std::move(rays); });
 }
 
-Bake::Rows Bake::merge_rows() const {
-    const std::uint32_t m = quality_.row_rays;
-    Rows all = built(patches_.patches.size(), [&](std::size_t p, const auto& add) {
-        for (std::size_t i = p * m; i < (p + 1) * m; ++i)
-            if (is_patch(hits_[i])) add(hits_[i], 1.0 / m);
+void Bake::weigh_rows() {
+    std::vector<float> weight(met_.size());
+    parallel_chunks(context_, weight.size(), std::size_t{1} << 16, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t k = begin; k < end; ++k) weight[k] = static_cast<float>(met_[k].all() * (1.0 / quality_.row_rays));
     });
-    if (scene_.has_panes()) merge_filtered(all);
-    return all;
+    rows_.weight = std::move(weight);
 }
 
-// Of patches that are several each: `area` together.
-Bake::Rows Bake::merge_rows(const Rows& fine, const std::vector<std::uint32_t>& parent, const std::vector<std::vector<std::uint32_t>>& children, const std::vector<double>& area) const {
-    Rows all = built(children.size(), [&](std::size_t c, const auto& add) {
-        for (const std::uint32_t p : children[c])
-            for (std::uint64_t k = fine.first[p]; k < fine.first[p + 1]; ++k) add(parent[fine.patch[k]], fine.weight[k] * patches_.patches[p].area / area[c]);
+// Rows of the larger patches, from those of their parts.
+void Bake::merge_larger() {
+    Parts<std::uint32_t, float> merged(slots_of(larger_.parts.size(), kRowsAtOnce));
+    parallel_chunks(context_, larger_.parts.size(), kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
+        thread_local std::vector<double> sum; // all 0 in between
+        sum.resize(std::max(sum.size(), larger_.parts.size()));
+        auto& [ends, entries] = merged.parts[begin / kRowsAtOnce];
+        auto& [patch, weight] = entries;
+        for (std::size_t row = begin; row < end; ++row) {
+            const std::size_t first = patch.size();
+            for (const std::uint32_t p : larger_.parts[row])
+                for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) {
+                    const std::uint32_t to = larger_.of[rows_.patch[k]];
+                    if (sum[to] == 0) patch.push_back(to);
+                    sum[to] += static_cast<double>(rows_.weight[k]) * patches_.patches[p].area / larger_.area[row];
+                }
+            for (std::size_t k = first; k < patch.size(); ++k) weight.push_back(static_cast<float>(sum[patch[k]])), sum[patch[k]] = 0;
+            ends.push_back(patch.size());
+        }
     });
-    if (!fine.filtered_first.empty()) merge_filtered(fine, parent, children, area, all);
-    return all;
+    merged.join([&](std::vector<std::uint64_t> first, std::vector<std::uint32_t> patch, std::vector<float> weight) { larger_.rows = {std::move(first), std::move(patch), std::move(weight), {}, {}, {}}; });
+}
+
+// All that rays of rows tell, from an earlier bake where they are known.
+void Bake::make_rows() {
+    if (load_rows()) {
+        weigh_rows();
+    } else {
+        const HitCounts counts = trace_rows();
+        counts_ += counts;
+        merge_hits(), weigh_rows(), merge_larger();
+        save_rows({counts.rays, counts.escaped, counts.back});
+    }
+    if (scene_.has_panes()) merge_filtered(rows_), merge_filtered_larger();
 }
 
 // Irradiance from emission that the bundle met: all of it, or what is not sampled explicitly for the patch.
 std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
-    const std::uint32_t m = quality_.row_rays;
     std::vector<Rgbd> out(patches_.patches.size());
     parallel_chunks(context_, out.size(), 256, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t p = begin; p < end; ++p) {
-            for (std::uint32_t i = 0; i < m; ++i) {
-                const std::uint32_t hit = hits_[p * m + i];
-                if (hit == kHitEscaped) {
-                    out[p] += sky_;
-                    continue;
+        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
+            for_met(p, [&](std::uint32_t code, const Quarters& met) {
+                if (code == kHitEscaped) {
+                    out[p] += sky_ * met.all();
+                    return;
                 }
-                if (hit == kHitPanes) {
-                    out[p] += emission_through_panes(p * m + i, static_cast<std::uint32_t>(p), only_unlisted);
-                    continue;
-                }
-                const std::uint32_t emitter = emitter_of(hit);
-                if (emitter == UINT32_MAX) continue;
-                if (only_unlisted && listed(static_cast<std::uint32_t>(p), emitter)) continue;
-                out[p] += emitters_.emitters[emitter].radiance;
-            }
-            out[p] *= std::numbers::pi / m;
+                const std::uint32_t emitter = emitter_of(code);
+                if (emitter == UINT32_MAX || (only_unlisted && listed(p, emitter))) return;
+                out[p] += emitters_.emitters[emitter].radiance * met.all();
+            });
+            for_pane_rays(p, [&](std::uint64_t ray) { out[p] += emission_through_panes(ray, p, only_unlisted); });
+            out[p] *= std::numbers::pi / quality_.row_rays;
         }
     });
+    return out;
+}
+
+// The light of all that shines, each source met by rays: no lamp has a part in it, and an earlier bake may have it.
+std::vector<Rgbd> Bake::solve_gathered(const std::vector<Rgbd>& rho) {
+    const std::vector<Rgbd> emission = gathered_emission(false);
+    const std::uint64_t key = memo_ ? mix(base_, table_.low, hash_of(emission).low, hash_of(rho).low) : 0;
+    if (const auto kept = memo_ ? memo_->lights.find(key, {}) : std::nullopt) return from_bytes<std::vector<Rgbd>>(*kept);
+    std::vector<Rgbd> out = solve(rows_, emission, rho, &out_.iterations, &residual_);
+    if (memo_) memo_->lights.keep(key, {}, {}, to_bytes(out));
     return out;
 }
 

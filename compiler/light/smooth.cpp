@@ -12,7 +12,9 @@ namespace {
 
 constexpr int kReach = 3;          // luxels; windows of 3, 5 and 7 are tried
 constexpr int kSpikeReach = 2;     // luxels around one that tell a spike, and that it is spread over
-constexpr int kReads = kReach + 1 + 2 * kSpikeReach; // of what is in a window, the mean of noise beside it; of either, spikes that reach it, and what tells these
+constexpr int kSpikesRead = kReach + 1 + 2 * kSpikeReach; // of what is in a window, the mean of noise beside it; of either, spikes that reach it, and those beside these
+constexpr int kReads = kSpikesRead + kSpikeReach;         // and what tells them
+constexpr std::uint32_t kBlock = 4;                       // texels: a memo's keys go by blocks of so many a side
 constexpr int kSide = 2 * kReach + 1;
 constexpr double kFarthest = 3; // standard deviations of the noise that a luxel is moved at most
 static_assert(kSpikeReach <= kReach);
@@ -138,17 +140,15 @@ class Neighbourhood {
 public:
     // left_to_rays: per patch.
     Neighbourhood(const Surfaces& surfaces, const std::vector<std::uint32_t>& patch, const std::vector<std::uint8_t>& beside, const std::vector<std::uint8_t>& gathered,
-                  std::vector<std::uint64_t> left_to_rays)
-        : surfaces_(surfaces), at_texel_(surfaces.texel_count, UINT32_MAX), on_(surfaces.texel_count), left_to_rays_(std::move(left_to_rays)) {
+                  const std::vector<std::uint64_t>& left_to_rays)
+        : surfaces_(surfaces), at_texel_(surfaces.texel_count, UINT32_MAX), on_(surfaces.texel_count) {
         for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l)
             if (gathered[l]) at_texel_[texel_of(surfaces, surfaces.luxels[l])] = l;
         for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l)
             for (std::size_t s = 0; gathered[l] && s < kBeside.size(); ++s)
-                if (const std::uint32_t q = beside[l] >> s & 1 ? near(l, kBeside[s][0], kBeside[s][1]) : UINT32_MAX; q != UINT32_MAX && left_to_rays_[patch[q]] == left_to_rays_[patch[l]])
+                if (const std::uint32_t q = beside[l] >> s & 1 ? near(l, kBeside[s][0], kBeside[s][1]) : UINT32_MAX; q != UINT32_MAX && left_to_rays[patch[q]] == left_to_rays[patch[l]])
                     on_[texel_of(surfaces, surfaces.luxels[l])] |= static_cast<std::uint8_t>(1u << s);
     }
-    std::span<const std::uint32_t> at_texel() const { return at_texel_; }
-    std::span<const std::uint64_t> left_to_rays() const { return left_to_rays_; }
     // The luxel that many luxels away; UINT32_MAX where none is.
     std::uint32_t near(std::uint32_t l, int dx, int dy) const {
         const Chart& chart = surfaces_.charts[surfaces_.luxels[l].chart.at()];
@@ -185,7 +185,6 @@ private:
     const Surfaces& surfaces_;
     std::vector<std::uint32_t> at_texel_;
     std::vector<std::uint8_t> on_; // per texel, a bit for each of kBeside
-    std::vector<std::uint64_t> left_to_rays_;
 };
 
 // What luminance v of a luxel is too much, given that around it and the standard deviation that its own rays tell: a spike (a firefly), which few of its rays have brought
@@ -252,6 +251,8 @@ float share_left(double left, double of) {
     return of > left ? static_cast<float>(left / of) : 1;
 }
 
+constexpr float kNotAsked = -1; // of a spike: whether there is one is not known
+
 struct Smoothed { // what a memo keeps of a luxel
     static constexpr bool kRawBytes = true;
     StoredSum sum;
@@ -293,57 +294,90 @@ void Bake::store_luxels() {
     });
 }
 
-// Luxels that read one (its light, noise or spikes: kReads) whose patch was gathered since the last time.
-std::vector<std::uint8_t> Bake::within_reach_of_new() {
+// Luxels no further from one of these than `reach`, in their chart, along either axis.
+std::vector<std::uint8_t> Bake::luxels_within(int reach, const std::function<bool(std::uint32_t)>& these) const {
     const std::vector<Luxel>& luxels = surfaces_.luxels;
     std::vector<std::uint8_t> out(luxels.size());
-    std::vector<std::uint8_t> fresh, across;
-    for (std::size_t first = 0, end = 0; first < luxels.size(); first = end) {
+    std::vector<std::uint8_t> there, across;
+    for (std::uint32_t first = 0, end = 0; first < luxels.size(); first = end) {
         bool any = false;
-        while (end < luxels.size() && luxels[end].chart == luxels[first].chart) any = (luxel_patch_[end] != kNoPatch && new_[luxel_patch_[end]]) || any, ++end;
+        while (end < luxels.size() && luxels[end].chart == luxels[first].chart) out[end] = these(end), any = any || out[end], ++end;
         if (!any) continue;
         const Chart& chart = surfaces_.charts[luxels[first].chart.at()];
         const int w = static_cast<int>(chart.width), h = static_cast<int>(chart.height);
         const auto at = [&](int x, int y) { return static_cast<std::size_t>(y * w + x); };
-        fresh.assign(at(0, h), 0), across.assign(at(0, h), 0);
-        for (std::size_t l = first; l < end; ++l)
-            if (luxel_patch_[l] != kNoPatch && new_[luxel_patch_[l]]) fresh[at(luxels[l].x, luxels[l].y)] = 1;
-        for (int y = 0; y < h; ++y)
-            for (int x = 0; x < w; ++x)
-                if (fresh[at(x, y)])
-                    for (int u = std::max(0, x - kReads); u <= std::min(w - 1, x + kReads); ++u) across[at(u, y)] = 1;
-        for (std::size_t l = first; l < end; ++l)
-            for (int v = std::max(0, luxels[l].y - kReads); v <= std::min(h - 1, luxels[l].y + kReads) && !out[l]; ++v) out[l] = across[at(luxels[l].x, v)];
+        there.assign(at(0, h), 0), across.assign(at(0, h), 0);
+        for (std::size_t l = first; l < end; ++l) there[at(luxels[l].x, luxels[l].y)] |= out[l];
+        for (int y = 0; y < h; ++y) { // one side after the other
+            int left = 0;             // how far it goes on
+            for (int x = -reach; x < w; ++x) {
+                if (x + reach < w && there[at(x + reach, y)]) left = 2 * reach + 1;
+                if (x >= 0 && left > 0) across[at(x, y)] = 1;
+                left = std::max(0, left - 1);
+            }
+        }
+        for (int x = 0; x < w; ++x) {
+            int left = 0;
+            for (int y = -reach; y < h; ++y) {
+                if (y + reach < h && across[at(x, y + reach)]) left = 2 * reach + 1;
+                if (y >= 0) there[at(x, y)] = left > 0;
+                left = std::max(0, left - 1);
+            }
+        }
+        for (std::size_t l = first; l < end; ++l) out[l] = there[at(luxels[l].x, luxels[l].y)];
     }
-    new_.assign(new_.size(), 0);
     return out;
 }
 
-// What the luxels of a patch come to is a function of what those within reach gathered, and of which light was left to their rays.
-std::uint64_t Bake::smooth_key(std::uint32_t p, std::span<const std::uint32_t> at_texel, std::span<const std::uint64_t> left_to_rays) const {
-    const Luxel& any = surfaces_.luxels[patch_luxels_[patch_luxel_first_[p]]];
-    const Chart& chart = surfaces_.charts[any.chart.at()];
-    int x0 = any.x, x1 = x0, y0 = any.y, y1 = y0;
-    for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-        const Luxel& l = surfaces_.luxels[patch_luxels_[k]];
-        x0 = std::min<int>(x0, l.x), x1 = std::max<int>(x1, l.x), y0 = std::min<int>(y0, l.y), y1 = std::max<int>(y1, l.y);
-    }
-    std::uint64_t key = mix(table_.low, p);
-    for (int y = std::max(0, y0 - kReads); y <= std::min(static_cast<int>(chart.height) - 1, y1 + kReads); ++y)
-        for (int x = std::max(0, x0 - kReads); x <= std::min(static_cast<int>(chart.width) - 1, x1 + kReads); ++x) {
-            const std::uint32_t l = at_texel[chart.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y))];
-            key = l == UINT32_MAX ? mix(key) : mix(key ^ gathered_hash_[luxel_patch_[l]], left_to_rays[luxel_patch_[l]]);
+namespace {
+
+// Hashes of what the luxels of each block of texels of each chart gathered.
+class Blocks {
+public:
+    template <class Of> Blocks(const Surfaces& surfaces, const Of& of) : surfaces_(surfaces) {
+        std::size_t count = 0;
+        for (const Chart& c : surfaces.charts) first_.push_back(count), count += std::size_t{across(c)} * ((c.height + kBlock - 1) / kBlock);
+        hash_.resize(count);
+        for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l) {
+            const Luxel& luxel = surfaces.luxels[l];
+            std::uint64_t& hash = hash_[at(luxel.chart, luxel.x / kBlock, luxel.y / kBlock)];
+            hash = chained(hash, of(l));
         }
-    return key;
-}
+    }
+    // Of all that lie within `reach` of the luxels.
+    std::uint64_t within(std::span<const std::uint32_t> luxels, int reach) const {
+        const Luxel& any = surfaces_.luxels[luxels[0]];
+        int x0 = any.x, x1 = x0, y0 = any.y, y1 = y0;
+        for (const std::uint32_t l : luxels) {
+            const Luxel& luxel = surfaces_.luxels[l];
+            x0 = std::min<int>(x0, luxel.x), x1 = std::max<int>(x1, luxel.x), y0 = std::min<int>(y0, luxel.y), y1 = std::max<int>(y1, luxel.y);
+        }
+        const Chart& chart = surfaces_.charts[any.chart.at()];
+        const auto block = [&](int texel, std::uint32_t size) { return static_cast<std::uint32_t>(std::clamp(texel, 0, static_cast<int>(size) - 1)) / kBlock; };
+        std::uint64_t sum = 0;
+        for (std::uint32_t y = block(y0 - reach, chart.height); y <= block(y1 + reach, chart.height); ++y)
+            for (std::uint32_t x = block(x0 - reach, chart.width); x <= block(x1 + reach, chart.width); ++x) sum = chained(sum, hash_[at(any.chart, x, y)]);
+        return mix(sum);
+    }
+
+private:
+    static std::uint32_t across(const Chart& c) { return (c.width + kBlock - 1) / kBlock; }
+    std::size_t at(ChartId chart, std::uint32_t x, std::uint32_t y) const { return first_[chart.at()] + std::size_t{y} * across(surfaces_.charts[chart.at()]) + x; }
+    const Surfaces& surfaces_;
+    std::vector<std::size_t> first_; // per chart
+    std::vector<std::uint64_t> hash_;
+};
+
+} // namespace
 
 void Bake::smooth() {
-    const std::size_t luxels = surfaces_.luxels.size();
+    const std::size_t luxels = surfaces_.luxels.size(), n = patches_.patches.size();
     // Where nothing within reach was gathered anew, all is as it was. (Lists change only where patches are done again.)
-    const std::vector<std::uint8_t> stirred = within_reach_of_new();
-    smoothed_.resize(luxels), left_.resize(luxels, 1), spike_.resize(luxels), spread_variance_.resize(luxels);
+    const std::vector<std::uint8_t> stirred = luxels_within(kReads, [&](std::uint32_t l) { return luxel_patch_[l] != kNoPatch && new_[luxel_patch_[l]]; });
+    new_.assign(n, 0);
+    smoothed_.resize(luxels), left_.resize(luxels, 1), spike_.resize(luxels, kNotAsked), spread_variance_.resize(luxels);
     for (std::size_t l = 0; l < luxels; ++l)
-        if (stirred[l]) left_[l] = 1, spike_[l] = 0;
+        if (stirred[l]) left_[l] = 1, spike_[l] = kNotAsked;
     // What was left to the rays of a patch: light of an emitter with rays of its own is not in what they gathered.
     std::vector<std::uint64_t> left_to_rays;
     for (const std::vector<LightRef>& list : lists_) {
@@ -352,18 +386,50 @@ void Bake::smooth() {
             if (ref.is_emitter) hash = mix(hash, ref.light + 1);
         left_to_rays.push_back(hash);
     }
-    const Neighbourhood around(surfaces_, luxel_patch_, beside_, gathered_there_, std::move(left_to_rays));
+    // What the luxels of a patch come to is a function of what those within reach gathered, and of which light was left to their rays.
+    constexpr std::size_t kPart = 64;
+    std::vector<std::uint64_t> keys(n);
+    std::vector<std::uint8_t> asked(n); // patches whose luxels are drawn anew
+    {
+        std::optional<Blocks> blocks;
+        if (memo_)
+            blocks.emplace(surfaces_, [&](std::uint32_t l) {
+                const std::uint32_t p = luxel_patch_[l];
+                return gathered_there_[l] ? chained(gathered_hash_[p], left_to_rays[p]) : 0;
+            });
+        parallel_for(context_, slots_of(n, kPart), [&](std::size_t part) {
+            for (auto p = static_cast<std::uint32_t>(part * kPart); p < std::min(n, (part + 1) * kPart); ++p) {
+                const std::span<const std::uint32_t> all = luxels_of(p);
+                if (std::ranges::none_of(all, [&](std::uint32_t l) { return stirred[l] && gathered_there_[l]; })) continue;
+                if (memo_) keys[p] = mix(table_.low, p, blocks->within(all, kReads));
+                const auto kept = memo_ ? memo_->smooth.find(keys[p], {}) : std::nullopt;
+                if (!kept) {
+                    asked[p] = 1;
+                    continue;
+                }
+                const auto now = from_bytes<std::vector<Smoothed>>(*kept);
+                for (std::size_t k = 0; k < all.size(); ++k)
+                    if (gathered_there_[all[k]]) smoothed_[all[k]] = now[k].sum.sum(), left_[all[k]] = now[k].left, spread_variance_[all[k]] = now[k].spread_variance;
+            }
+        });
+    }
+    const auto drawn = [&](std::uint32_t l) { return luxel_patch_[l] != kNoPatch && asked[luxel_patch_[l]]; };
+    const std::vector<std::uint8_t> read = luxels_within(kReads, drawn), spikes_read = luxels_within(kSpikesRead, drawn);
+    if (std::ranges::none_of(asked, [](std::uint8_t a) { return a; })) return;
+    const Neighbourhood around(surfaces_, luxel_patch_, beside_, gathered_there_, left_to_rays);
     // Luminance of what is shown; its variance, summed over the normals, as its own rays tell it.
     std::vector<std::array<double, 4>> shown(luxels);
     std::vector<double> own_variance(luxels);
     each_gathered([&](std::uint32_t l) {
+        if (!read[l]) return;
         const LuxelKernel kernel = kernel_of(l);
         const std::array<Rgbd, 4> all = kernel.shown(gathered_[l]);
         for (std::size_t j = 0; j < kernel.shown_count(); ++j) shown[l][j] = mean(all[j]), own_variance[l] += gathered_variance_[l][j];
     });
     // Spikes are no less light for standing out, but as likely that of all around: they are spread, none is lost.
     each_gathered([&](std::uint32_t l) {
-        if (!stirred[l]) return;
+        if (!spikes_read[l] || spike_[l] != kNotAsked) return;
+        spike_[l] = 0;
         int darker = 0, beside = 0;
         around.each_beside(l, [&](std::uint32_t q) { ++beside, darker += shown[q][0] < shown[l][0]; });
         if (2 * darker <= beside) return; // most are not worth a closer look
@@ -375,6 +441,7 @@ void Bake::smooth() {
     // Variance as the luxels around tell it, too: by its own alone a luxel that has met a bright spot would be moved far down, one that has missed it not at all up.
     std::vector<double> variance(luxels), of_rays(luxels); // with spikes spread; as gathered
     each_gathered([&](std::uint32_t l) {
+        if (!read[l]) return;
         if (calm.touched(l)) {
             const LuxelKernel kernel = kernel_of(l);
             const std::array<Rgbd, 4> all = kernel.shown(calm.sum(l));
@@ -420,9 +487,9 @@ void Bake::smooth() {
             }
             const double structure = std::max(0.0, residuals / free - f.noise / m[0]); // what of them is no noise
             const std::array<double, 3> to{i[0], i[1], i[2]};
-            const double n = variance[l], of_plane = form(apart(f.noisy), to, to);
-            const double u = std::clamp(n * (1 - own) / (n * (1 - 2 * own) + of_plane + structure), 0.0, 1.0);
-            const double risk = n * ((1 - u) * (1 - u) + 2 * u * (1 - u) * own) + u * u * (of_plane + structure);
+            const double own_noise = variance[l], of_plane = form(apart(f.noisy), to, to);
+            const double u = std::clamp(own_noise * (1 - own) / (own_noise * (1 - 2 * own) + of_plane + structure), 0.0, 1.0);
+            const double risk = own_noise * ((1 - u) * (1 - u) + 2 * u * (1 - u) * own) + u * u * (of_plane + structure);
             if (!(risk < best)) continue;
             best = risk, share = u, reach = r, row = to;
         }
@@ -445,30 +512,21 @@ void Bake::smooth() {
         smoothed_[l] += plane *= share;
         left_[l] = share_left(best, of_rays[l]);
     };
-    constexpr std::size_t kPart = 64;
-    const std::size_t n = patches_.patches.size();
-    parallel_for(context_, (n + kPart - 1) / kPart, [&](std::size_t part) {
+    parallel_for(context_, slots_of(n, kPart), [&](std::size_t part) {
         for (auto p = static_cast<std::uint32_t>(part * kPart); p < std::min(n, (part + 1) * kPart); ++p) {
+            if (!asked[p]) continue;
             const std::span<const std::uint32_t> all = luxels_of(p);
-            if (std::ranges::none_of(all, [&](std::uint32_t l) { return stirred[l] && gathered_there_[l]; })) continue;
-            const std::uint64_t key = memo_ ? smooth_key(p, around.at_texel(), around.left_to_rays()) : 0;
-            std::vector<Smoothed> now;
-            if (const auto kept = memo_ ? memo_->smooth.find(key, {}) : std::nullopt) {
-                now = from_bytes<std::vector<Smoothed>>(*kept);
-            } else {
-                now.resize(all.size());
-                for (std::size_t k = 0; k < all.size(); ++k) {
-                    const std::uint32_t l = all[k];
-                    if (!gathered_there_[l]) continue;
-                    smoothed_[l] = calm.sum(l), left_[l] = share_left(variance[l], of_rays[l]);
-                    if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l);
-                    else draw.template operator()<1>(l);
-                    now[k] = {StoredSum(smoothed_[l]), left_[l], static_cast<float>(calm.brought_variance[l])};
-                }
-                if (memo_) memo_->smooth.keep(key, {}, {}, to_bytes(now));
+            std::vector<Smoothed> now(all.size());
+            for (std::size_t k = 0; k < all.size(); ++k) {
+                const std::uint32_t l = all[k];
+                if (!gathered_there_[l]) continue;
+                smoothed_[l] = calm.sum(l), left_[l] = share_left(variance[l], of_rays[l]);
+                if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l);
+                else draw.template operator()<1>(l);
+                now[k] = {StoredSum(smoothed_[l]), left_[l], static_cast<float>(calm.brought_variance[l])};
+                smoothed_[l] = now[k].sum.sum(), spread_variance_[l] = now[k].spread_variance;
             }
-            for (std::size_t k = 0; k < all.size(); ++k)
-                if (gathered_there_[all[k]]) smoothed_[all[k]] = now[k].sum.sum(), left_[all[k]] = now[k].left, spread_variance_[all[k]] = now[k].spread_variance;
+            if (memo_) memo_->smooth.keep(keys[p], {}, {}, to_bytes(now));
         }
     });
 }

@@ -56,15 +56,16 @@ void Bake::merge_filtered(Rows& rows) const {
     }
 }
 
-// On larger patches, as coarse_light merges the others.
-void Bake::merge_filtered(const Rows& fine, const std::vector<std::uint32_t>& parent, const std::vector<std::vector<std::uint32_t>>& children, const std::vector<double>& area, Rows& rows) const {
+// On larger patches, as merge_larger merges the others.
+void Bake::merge_filtered_larger() {
     std::map<std::uint32_t, Rgbd> row;
-    rows.filtered_first.push_back(0);
-    for (std::size_t c = 0; c < children.size(); ++c) {
+    Rows& rows = larger_.rows;
+    rows.filtered_first.assign(1, 0);
+    for (std::size_t c = 0; c < larger_.parts.size(); ++c) {
         row.clear();
-        for (const std::uint32_t p : children[c])
-            for (std::uint64_t k = fine.filtered_first[p]; k < fine.filtered_first[p + 1]; ++k)
-                row[parent[fine.filtered_patch[k]]] += static_cast<Rgbd>(fine.filtered_weight[k]) * (patches_.patches[p].area / area[c]);
+        for (const std::uint32_t p : larger_.parts[c])
+            for (std::uint64_t k = rows_.filtered_first[p]; k < rows_.filtered_first[p + 1]; ++k)
+                row[larger_.of[rows_.filtered_patch[k]]] += static_cast<Rgbd>(rows_.filtered_weight[k]) * (patches_.patches[p].area / larger_.area[c]);
         for (const auto& [patch, weight] : row) rows.filtered_patch.push_back(patch), rows.filtered_weight.push_back(static_cast<Rgb>(weight));
         rows.filtered_first.push_back(rows.filtered_patch.size());
     }

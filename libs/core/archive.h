@@ -98,6 +98,15 @@ public:
     explicit ByteReader(std::span<const std::uint8_t> bytes) : left_(bytes) {}
     template <class... T> void operator()(T&... values) { (get(values), ...); }
     std::size_t left() const { return left_.size(); }
+    // A vector where it lies, as long as the bytes are there.
+    template <class T> std::span<const T> view() {
+        static_assert(detail::Raw<T>);
+        const std::size_t n = length(sizeof(T));
+        if (reinterpret_cast<std::uintptr_t>(left_.data()) % alignof(T) != 0) throw ArchiveError("archive is not aligned");
+        const std::span<const T> out(reinterpret_cast<const T*>(left_.data()), n);
+        left_ = left_.subspan(n * sizeof(T));
+        return out;
+    }
 
 private:
     std::span<const std::uint8_t> left_;
