@@ -15,14 +15,14 @@ namespace {
 constexpr std::uint32_t kQuarters = 4;
 constexpr std::size_t kWays = kQuarters - 1;
 struct Leaves { // what two quarters say against two, in each of the three ways there are: as noisy as the mean of all four
-    std::array<Rgbd, kWays> way{};
+    std::array<Rgb, kWays> way{}; // floats: they tell of noise, and most of the time here is reading them
     Leaves& operator+=(const Leaves& o) {
         for (std::size_t k = 0; k < kWays; ++k) way[k] += o.way[k];
         return *this;
     }
-    template <class By> Leaves operator*(By by) const { // a number or a colour
+    template <class By> Leaves operator*(By by) const { // a float or a colour of such
         Leaves out = *this;
-        for (Rgbd& w : out.way) w = w * by;
+        for (Rgb& w : out.way) w = w * by;
         return out;
     }
 };
@@ -290,7 +290,7 @@ double Bake::solution_noise() const {
                 if (is_patch(met.code)) to += reflected[met.code] * static_cast<Rgbd>(met.reflected);
         });
         for (std::uint32_t k = 0; k < kWays; ++k)
-            for (std::uint32_t q = 0; q < kQuarters; ++q) told[p].way[k] += arriving[q] * ((q == 0 || q == k + 1 ? 0.25 : -0.25) / part);
+            for (std::uint32_t q = 0; q < kQuarters; ++q) told[p].way[k] += static_cast<Rgb>(arriving[q] * ((q == 0 || q == k + 1 ? 0.25 : -0.25) / part));
     });
     // Most of such noise averages out at the first bounces; what all of a bright room has in common does not.
     double rho_max = 0;
@@ -298,21 +298,25 @@ double Bake::solution_noise() const {
     std::vector<double> change(chunks), all(chunks);
     sum = told;
     for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-        for (std::size_t p = 0; p < n; ++p) leaving[p] = sum[p] * rho[p];
+        for (std::size_t p = 0; p < n; ++p) leaving[p] = sum[p] * static_cast<Rgb>(rho[p]);
         change.assign(chunks, 0), all.assign(chunks, 0);
         each_patch([&](std::uint32_t p, std::size_t chunk) {
             next[p] = told[p];
-            for_row(rows_, p, [&](std::uint32_t patch, auto factor) { next[p] += leaving[patch] * factor; });
+            const auto add = [&](std::uint32_t patch, auto factor) {
+                if constexpr (std::is_same_v<decltype(factor), double>) next[p] += leaving[patch] * static_cast<float>(factor);
+                else next[p] += leaving[patch] * static_cast<Rgb>(factor);
+            };
+            for_row(rows_, p, add);
             for (std::size_t k = 0; k < kWays; ++k) {
-                const Rgbd d = next[p].way[k] - sum[p].way[k];
-                change[chunk] += dot(d, d), all[chunk] += dot(next[p].way[k], next[p].way[k]);
+                const Rgbd now = static_cast<Rgbd>(next[p].way[k]), d = now - static_cast<Rgbd>(sum[p].way[k]);
+                change[chunk] += dot(d, d), all[chunk] += dot(now, now);
             }
         });
         std::swap(sum, next);
         const double left = std::sqrt(std::accumulate(change.begin(), change.end(), 0.0)) * rho_max;
         if (left <= kLeft * (1 - rho_max) * std::sqrt(std::accumulate(all.begin(), all.end(), 0.0))) break;
     }
-    for (std::size_t p = 0; p < n; ++p) sum[p] = sum[p] * rho[p];
+    for (std::size_t p = 0; p < n; ++p) sum[p] = sum[p] * static_cast<Rgb>(rho[p]);
     // What such a difference is in gathered light. By both halves of a row: their product has no share of the row's own noise.
     Rgbd level;
     double area = 0;
@@ -330,16 +334,16 @@ double Bake::solution_noise() const {
         for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) {
             const auto& rays = met_[k].rays;
             for (std::size_t h = 0; h < 2; ++h)
-                if (const auto count = static_cast<double>(rays[2 * h] + rays[2 * h + 1]); count > 0) half[h] += sum[rows_.patch[k]] * count;
+                if (const auto count = static_cast<float>(rays[2 * h] + rays[2 * h + 1]); count > 0) half[h] += sum[rows_.patch[k]] * count;
         }
         for_pane_rays(p, [&](std::uint64_t ray) {
             for (const PaneRays::Met& met : pane_rays_.of(ray))
-                if (is_patch(met.code)) half[(ray - std::uint64_t{p} * m) * 2 / m] += sum[met.code] * static_cast<Rgbd>(met.reflected);
+                if (is_patch(met.code)) half[(ray - std::uint64_t{p} * m) * 2 / m] += sum[met.code] * met.reflected;
         });
         const Rgbd now = rest_[p] + solved_direct_[p];
         for (std::size_t c = 0; c < 3; ++c) {
             const double scale = std::max(now[c], options_.error_floor * level[c]) * m / 2;
-            for (std::size_t k = 0; k < kWays && scale > 0; ++k) noise[chunk] += a * half[0].way[k][c] * half[1].way[k][c] / (scale * scale) / (3.0 * kWays);
+            for (std::size_t k = 0; k < kWays && scale > 0; ++k) noise[chunk] += a * static_cast<double>(half[0].way[k][c]) * static_cast<double>(half[1].way[k][c]) / (scale * scale) / (3.0 * kWays);
         }
     });
     return std::sqrt(std::max(0.0, std::accumulate(noise.begin(), noise.end(), 0.0) / area));

@@ -2,6 +2,7 @@
 #include "libs/core/check.h"
 #include <algorithm>
 #include <atomic>
+#include <bit>
 
 namespace kiln {
 namespace {
@@ -45,8 +46,11 @@ bool seen_of(std::span<const std::uint8_t> parts, const std::vector<std::uint64_
 } // namespace
 
 const Memo::Entry* Memo::Table::entry(std::uint64_t key) const {
-    const auto at = std::ranges::lower_bound(entries, key, {}, &Entry::key);
-    return at == entries.end() || at->key != key ? nullptr : &*at;
+    KILN_CHECK_OP(from.size(), >, 1u);
+    const std::size_t range = from.size() > 2 ? key >> (65 - std::bit_width(from.size() - 1)) : 0;
+    for (std::size_t i = from[range]; i < from[range + 1]; ++i)
+        if (entries[i].key == key) return &entries[i];
+    return nullptr;
 }
 
 void Memo::Table::begin() {
@@ -57,6 +61,11 @@ void Memo::Table::begin() {
         end = e.end;
     }
     found.assign(entries.size(), 0), changed = false;
+    // Keys are hashes: an entry or so in each.
+    const std::size_t ranges = std::bit_ceil(entries.size() + 1);
+    from.assign(ranges + 1, static_cast<std::uint32_t>(entries.size()));
+    for (std::size_t i = entries.size(); i-- > 0;) from[ranges > 1 ? entries[i].key >> (65 - std::bit_width(ranges)) : 0] = static_cast<std::uint32_t>(i);
+    for (std::size_t r = ranges; r-- > 0;) from[r] = std::min(from[r], from[r + 1]);
 }
 
 void Memo::Table::put(std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value) {
@@ -177,7 +186,7 @@ void Memo::end() {
             recent = table_of(more);
         }
     }
-    for (Table& t : tables_) t.found.clear();
+    for (Table& t : tables_) t.found.clear(), t.from.clear();
     for (Shard& s : shards_) s.kept.clear();
 }
 

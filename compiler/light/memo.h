@@ -54,6 +54,7 @@ public:
     };
     struct Table {
         std::vector<Entry> entries; // by key
+        std::vector<std::uint32_t> from; // the first entry of each of equal ranges of keys, which are a power of two, and one more: in this run
         std::vector<std::uint8_t> found; // per entry, in this run
         bool changed = false;            // by the last run
         void begin();

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -33,6 +34,25 @@ Fault io_fault(Exit exit, const char* code, const std::string& path, const std::
 
 } // namespace
 
+void Buffer::Release::operator()(std::uint8_t* data) const {
+    if (mapped) ::munmap(data, mapped);
+    else delete[] data;
+}
+
+Result<Buffer> map_file(const std::string& path) {
+    const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    struct stat info {};
+    if (file.get() < 0 || ::fstat(file.get(), &info) != 0) return io_fault(Exit::input, "cannot-read", path, "cannot be opened");
+    if (!S_ISREG(info.st_mode)) return fault(Exit::input, "cannot-read", "is not a file", {.file = path});
+    Buffer out;
+    if (info.st_size == 0) return out;
+    out.size_ = static_cast<std::size_t>(info.st_size);
+    void* const at = ::mmap(nullptr, out.size_, PROT_READ, MAP_PRIVATE | MAP_POPULATE, file.get(), 0);
+    if (at == MAP_FAILED) return io_fault(Exit::input, "cannot-read", path, "cannot be mapped");
+    out.data_ = {static_cast<std::uint8_t*>(at), Buffer::Release{out.size_}};
+    return out;
+}
+
 Result<Buffer> read_buffer(const std::string& path) {
     Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
     if (file.get() < 0) return io_fault(Exit::input, "cannot-read", path, "cannot be opened");
@@ -44,12 +64,12 @@ Result<Buffer> read_buffer(const std::string& path) {
     Buffer room(info.st_size > 0 ? static_cast<std::size_t>(info.st_size) + 1 : kLeast);
     std::size_t size = 0;
     for (;;) {
-        if (size == room.bytes().size()) {
+        if (size == room.fill().size()) {
             Buffer larger(2 * size);
-            std::ranges::copy(room.bytes(), larger.bytes().begin());
+            std::ranges::copy(room.fill(), larger.fill().begin());
             room = std::move(larger);
         }
-        const ssize_t got = ::read(file.get(), room.bytes().data() + size, room.bytes().size() - size);
+        const ssize_t got = ::read(file.get(), room.fill().data() + size, room.fill().size() - size);
         if (got < 0 && errno == EINTR) continue;
         if (got < 0) return io_fault(Exit::input, "cannot-read", path, "cannot be read");
         if (got == 0) break;

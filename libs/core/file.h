@@ -10,21 +10,30 @@
 
 namespace kiln {
 
-// Bytes of a size known beforehand, not cleared first.
+// Bytes of a size known beforehand, not cleared first; or of a file where they lie.
 class Buffer {
 public:
     Buffer() = default;
-    explicit Buffer(std::size_t size) : data_(std::make_unique_for_overwrite<std::uint8_t[]>(size)), size_(size) {}
+    explicit Buffer(std::size_t size) : data_(new std::uint8_t[size]), size_(size) {}
     explicit Buffer(std::span<const std::uint8_t> copied) : Buffer(copied.size()) { std::ranges::copy(copied, data_.get()); }
-    std::span<std::uint8_t> bytes() { return {data_.get() + from_, size_}; }
+    std::span<std::uint8_t> fill() { return {data_.get() + from_, size_}; } // not of a file's
     std::span<const std::uint8_t> bytes() const { return {data_.get() + from_, size_}; }
     void keep(std::size_t from, std::size_t size) { from_ += from, size_ = size; } // of the bytes these
 
 private:
-    std::unique_ptr<std::uint8_t[]> data_;
+    friend Result<Buffer> map_file(const std::string& path);
+    struct Release {
+        std::size_t mapped; // 0: it is allocated
+        Release() : mapped(0) {}
+        explicit Release(std::size_t size) : mapped(size) {}
+        void operator()(std::uint8_t* data) const;
+    };
+    std::unique_ptr<std::uint8_t[], Release> data_;
     std::size_t from_ = 0, size_ = 0;
 };
 
+// Without a copy: only of files that are never changed in place, as write_file replaces them. Exit::input where it cannot be read.
+Result<Buffer> map_file(const std::string& path);
 Result<Buffer> read_buffer(const std::string& path);            // Exit::input where it cannot be read
 Result<Bytes> read_file(const std::string& path);               // likewise
 Result<bool> write_file(const std::string& path, std::span<const std::uint8_t> bytes); // Exit::io

@@ -32,7 +32,7 @@ std::optional<Buffer> ContentStore::load(Hash key, bool* damaged) const {
         if (damaged) *damaged = true;
         return std::nullopt;
     };
-    Result<Buffer> stored = read_buffer(file);
+    Result<Buffer> stored = map_file(file);
     if (!stored || stored->bytes().size() < sizeof(Header)) return bad();
     Header header, expected;
     std::memcpy(&header, stored->bytes().data(), sizeof header);
@@ -49,7 +49,7 @@ std::optional<Buffer> ContentStore::load(Hash key, bool* damaged) const {
     const unsigned long long size = ZSTD_getFrameContentSize(packed.data(), packed.size());
     if (size == ZSTD_CONTENTSIZE_ERROR || size == ZSTD_CONTENTSIZE_UNKNOWN || size != header.size) return bad();
     Buffer bytes(header.size);
-    if (ZSTD_decompress(bytes.bytes().data(), header.size, packed.data(), packed.size()) != header.size) return bad();
+    if (ZSTD_decompress(bytes.fill().data(), header.size, packed.data(), packed.size()) != header.size) return bad();
     if (hash_bytes(bytes.bytes()) != header.content) return bad();
     return bytes;
 }
@@ -64,7 +64,7 @@ bool ContentStore::save(Hash key, std::span<const std::uint8_t> bytes, bool comp
     Buffer packed;
     if (compressed) {
         packed = Buffer(ZSTD_compressBound(bytes.size()));
-        const std::size_t size = ZSTD_compress(packed.bytes().data(), packed.bytes().size(), bytes.data(), bytes.size(), kLevel);
+        const std::size_t size = ZSTD_compress(packed.fill().data(), packed.bytes().size(), bytes.data(), bytes.size(), kLevel);
         if (ZSTD_isError(size)) return false;
         packed.keep(0, size), bytes = packed.bytes();
     }
