@@ -267,18 +267,6 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
     return out;
 }
 
-bool Bake::is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const {
-    const auto beyond = [&](Vec3 place, double reach) {
-        const Vec3 d = place - light.place[patch];
-        const double r = light.far_from[patch] + reach;
-        return dot(d, d) > r * r;
-    };
-    if (is_patch(code)) return beyond(light.place[code], light.reach[code]);
-    if (code >= kHitPanes) return false;
-    const Emitter& e = emitters_.emitters[code & ~kHitEmitter];
-    return beyond(e.center, e.radius);
-}
-
 // `parent`: of each patch, in `table`.
 void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const {
     const std::size_t n = patches_.patches.size();
@@ -318,7 +306,7 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
 void Bake::make_larger() {
     const std::size_t n = patches_.patches.size();
     larger_ = {};
-    larger_.table = build_patches(world_, surfaces_, edges_, 2 * quality_.patch_size);
+    larger_.table = patches_of(2 * quality_.patch_size), larger_.touching = touching(larger_.table, 2);
     const std::size_t m = larger_.table.patches.size();
     larger_.of.resize(n), larger_.parts.resize(m), larger_.area.resize(m);
     for (std::uint32_t p = 0; p < n; ++p) {
@@ -350,25 +338,20 @@ ReflectedLight Bake::coarse_light(const std::vector<Rgbd>& direct, const std::ve
     std::vector<std::uint32_t> luxel_parent(luxel_patch_);
     for (std::uint32_t& p : luxel_parent)
         if (p != kNoPatch) p = parent[p];
-    ReflectedLight out = reflected_light(values_at_luxels(surfaces_, edges_, larger_.table, luxel_parent, coarse_rest), total);
+    ReflectedLight out = reflected_light(values_at_luxels(surfaces_, larger_.touching, larger_.table, luxel_parent, coarse_rest), total);
     far_light(parent, larger_.table, 2 * quality_.patch_size, &out);
     return out;
-}
-
-void Bake::find_neighbours() {
-    neighbours_.assign(patches_.patches.size(), {});
-    for (const auto& [p, q] : touching_patches(edges_, patches_)) neighbours_[p].push_back(q), neighbours_[q].push_back(p); // ascending, as the pairs are
 }
 
 // Patches of quality_.patch_size, their form factors, and the lights of each.
 void Bake::make_patches() {
     const std::size_t luxels = surfaces_.luxels.size();
-    patches_ = build_patches(world_, surfaces_, edges_, quality_.patch_size);
+    patches_ = patches_of(quality_.patch_size);
     quality_.row_rays = least_row_rays_;
     const auto rays_per_patch = [&] { return quality_.first_rays * static_cast<double>(luxels) / static_cast<double>(std::max<std::size_t>(patches_.patches.size(), 1)); };
     // Many luxels a patch: smaller ones cost as little beside the gather, and their bias falls with the square of their size.
     while (rays_per_patch() >= 4.0 * quality_.row_rays) {
-        PatchTable finer = build_patches(world_, surfaces_, edges_, quality_.patch_size / 2);
+        PatchTable finer = patches_of(quality_.patch_size / 2);
         if (finer.patches.size() <= patches_.patches.size()) break;
         quality_.patch_size /= 2, patches_ = std::move(finer);
     }
@@ -389,8 +372,11 @@ void Bake::make_patches() {
         patch_luxel_first_.push_back(static_cast<std::uint32_t>(patch_luxels_.size()));
     }
 
-    find_neighbours(), make_larger();
-    if (memo_) open_memo();
+    if (memo_) name_table();
+    touching_ = touching(patches_, 1);
+    neighbours_.assign(n, {});
+    for (const auto& [p, q] : touching_) neighbours_[p].push_back(q), neighbours_[q].push_back(p); // ascending, as the pairs are
+    make_larger();
     make_rows();
     std::vector<Rgbd> rho;
     for (const Patch& p : patches_.patches) rho.push_back(static_cast<Rgbd>(p.reflectance));
@@ -432,7 +418,7 @@ std::vector<Rgbd> Bake::solve_patches() {
     floor_ = area > 0 ? error_floor(options_.error_floor, sum / area) : 0;
     rest_.resize(n);
     for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
-    reflected_ = reflected_light(values_at_luxels(surfaces_, edges_, patches_, luxel_patch_, rest_), total);
+    reflected_ = reflected_light(values_at_luxels(surfaces_, touching_, patches_, luxel_patch_, rest_), total);
     std::vector<std::uint32_t> self(n);
     std::iota(self.begin(), self.end(), 0u);
     far_light(self, patches_, quality_.patch_size, &reflected_);
@@ -463,7 +449,8 @@ Lighting Bake::run() {
     out_.texel_error.resize(surfaces_.texel_count);
     out_.rnm.resize(rnm);
 
-    edges_ = piece_adjacency(surfaces_);
+    if (memo_) open_memo();
+    edges_ = piece_edges();
     for (const Luxel& l : surfaces_.luxels) luxel_rounding_.push_back(Random(seed_at(luxel_centroid(l), kRounding))());
     make_patches();
     std::vector<Rgbd> total = solve_patches();
@@ -555,7 +542,8 @@ Lighting Bake::run() {
         wanted = expected_noise() * std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
         check = gather();
     }
-    if (memo_) memo_->lights.end(), memo_->direct.end(), memo_->gather.end(), memo_->smooth.end(), memo_->pilot.end();
+    if (memo_)
+        for (Memo* memo : memo_->all()) memo->end();
     store_luxels();
     fill();
     if (options_.match_seams) match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);

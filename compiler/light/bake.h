@@ -185,6 +185,17 @@ private:
     Rgbd rounded(Rgbd light, double up) const; // up: from which remainder on, 0 all to 1 none
     // relight.cpp
     void open_memo();
+    void name_table();
+    // What an earlier bake of this geometry has made under that key, or makes it.
+    template <class T, class Make> T known_or(std::uint64_t key, const Make& make) const {
+        if (const auto kept = memo_ ? memo_->lights.find(key, {}) : std::nullopt) return from_bytes<T>(*kept);
+        T made = make();
+        if (memo_) memo_->lights.keep(key, {}, {}, to_bytes(made));
+        return made;
+    }
+    PieceEdges piece_edges() const;
+    PatchTable patches_of(double h) const; // of that size
+    TouchingPatches touching(const PatchTable& table, std::uint64_t times) const; // of the patches as they are, or so many times as large
     bool load_rows();
     void save_rows(const std::array<std::uint64_t, 3>& counts);
     void note_reflected(std::uint32_t patch);
@@ -267,7 +278,6 @@ private:
                        std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met, std::span<Other> others = {}, Looked* looked = nullptr) const;
     enum class Pass { first, again, last };
     std::vector<std::vector<std::uint32_t>> gather_patches(std::span<const std::uint32_t> patches, Pass pass);
-    void find_neighbours();
     double luxel_area_of(std::uint32_t patch) const; // map units squared
     std::vector<double> single_noise(const std::vector<double>& variance) const;
     std::vector<double> least_cost(std::vector<double> single, double wanted) const;
@@ -309,7 +319,17 @@ private:
     ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const;
     std::vector<std::uint32_t> own_light(std::vector<double>& stale); // returns patches to which what it changed makes a difference
     Rgbd emitted_by(std::uint32_t p) const { return patch_emitter_[p] == UINT32_MAX ? Rgbd{} : emitters_.emitters[patch_emitter_[p]].radiance; }
-    bool is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const;
+    bool is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const {
+        const auto beyond = [&](Vec3 place, double reach) {
+            const Vec3 d = place - light.place[patch];
+            const double r = light.far_from[patch] + reach;
+            return dot(d, d) > r * r;
+        };
+        if (is_patch(code)) return beyond(light.place[code], light.reach[code]);
+        if (code >= kHitPanes) return false;
+        const Emitter& e = emitters_.emitters[code & ~kHitEmitter];
+        return beyond(e.center, e.radius);
+    }
     void far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const;
     ReflectedLight coarse_light(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
     void make_larger();
@@ -333,6 +353,7 @@ private:
     LightSight sight_;
     PieceEdges edges_;
     PatchTable patches_;
+    TouchingPatches touching_;
     std::vector<std::vector<std::uint32_t>> neighbours_; // per patch: those it shares an edge with, in its plane
     std::vector<std::uint32_t> patch_emitter_;           // per patch; UINT32_MAX: none
     std::vector<Clusters> clusters_;           // per patch: it lies in
@@ -361,6 +382,7 @@ private:
     Held<Quarters> lone_met_;
     struct Larger { // patches of twice the size, of which the difference to these tells the error of either
         PatchTable table;
+        TouchingPatches touching;
         std::vector<std::uint32_t> of; // of each patch, in which of them it lies
         std::vector<std::vector<std::uint32_t>> parts;
         std::vector<double> area;

@@ -47,9 +47,8 @@ std::uint32_t LightField::Data::lights_part(Vec3 x) const {
     return static_cast<std::uint32_t>(place_reflected.size()) + at;
 }
 
-std::vector<std::uint64_t> LightField::part_states() const {
-    const Data& d = *data_;
-    std::vector<std::uint64_t> states;
+void LightField::Data::tell_states() {
+    const Data& d = *this;
     states.reserve(d.part_count());
     const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
     for (const Rgb& r : d.place_reflected) states.push_back(mix(bits(r.x) | bits(r.y) << 32, bits(r.z)));
@@ -68,8 +67,11 @@ std::vector<std::uint64_t> LightField::part_states() const {
         });
         states.push_back(state);
     }
-    states.push_back(emitters_state());
-    return states;
+}
+
+const std::vector<std::uint64_t>& LightField::part_states() const {
+    std::call_once(data_->states_told, [&] { data_->tell_states(), data_->states.push_back(emitters_state()); });
+    return data_->states;
 }
 
 std::uint64_t LightField::emitters_state() const {
@@ -112,7 +114,7 @@ LightField::LightField(const World& world, const Bsp& bsp, const PlaneTable&, co
                        const std::vector<Light>& lights, const Lighting& lighting, const Visibility* seen)
     : data_(std::make_unique<Data>(world, bsp, surfaces, lights, lighting, seen)) {
     Data& d = *data_;
-    for (const Chart& c : surfaces.charts) d.near_reach = std::max(d.near_reach, (kNearBounces + 1) * kNearLuxels * c.luxel_size);
+    for (const Chart& c : surfaces.charts) d.near_reach = std::max(d.near_reach, kNearSteps * kNearLuxels * c.luxel_size);
     for (const Vec3& p : surfaces.positions) // whatever is near a surface lies in there
         for (const double side : {-d.near_reach, d.near_reach}) d.bounds.add(p + Vec3{side, side, side});
     // Of a luxel that was baked and belongs to one patch its own light, else that of its patch.

@@ -1,11 +1,13 @@
 // What a LightField holds; shared with the path tracer of this folder.
 #pragma once
 #include "compiler/light/bake.h"
+#include <mutex>
 
 namespace kiln {
 
 constexpr double kNearLuxels = 1.5; // of the lightmap: nearer surfaces are looked at in more detail than it has
 constexpr int kNearBounces = 6;     // in a crevice; then the lightmap will do
+constexpr int kNearSteps = 3;       // of kNearLuxels, from the point: further off it will do, too. What a path may meet decides which lamps it depends on
 
 struct LightField::Data {
     Data(const World& world, const Bsp& bsp, const Surfaces& surfaces, const std::vector<Light>& lights, const Lighting& lighting, const Visibility* seen);
@@ -23,10 +25,13 @@ struct LightField::Data {
     // Parts to look at: places, then boxes of the world for the lights that reach them, then all that shines or reflects.
     static constexpr std::uint32_t kBoxes = 16; // along each axis
     Box3 bounds{};
+    std::once_flag states_told;
+    std::vector<std::uint64_t> states; // of the parts, when they are asked for
+    void tell_states();
     std::size_t part_count() const { return emitters_part() + std::size_t{1}; }
     std::uint32_t lights_part(Vec3 x) const;
     std::uint32_t emitters_part() const { return static_cast<std::uint32_t>(place_reflected.size()) + kBoxes * kBoxes * kBoxes; }
-    double near_reach = 0; // map units: no path leaves a point further than this before the bake answers for it
+    double near_reach = 0; // map units: further off than this from a point the bake answers for what its paths meet
 
     // Where a hit lies; of a place radiance reflected there.
     std::uint32_t place_at(const SceneHit& hit) const;

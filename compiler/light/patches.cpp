@@ -302,8 +302,8 @@ std::vector<std::uint8_t> luxels_beside(const Surfaces& surfaces, const PieceEdg
     return out;
 }
 
-std::vector<std::array<std::uint32_t, 2>> touching_patches(const PieceEdges& edges, const PatchTable& table) {
-    std::vector<std::array<std::uint32_t, 2>> pairs;
+TouchingPatches touching_patches(const PieceEdges& edges, const PatchTable& table) {
+    TouchingPatches pairs;
     for (const auto& [a, b] : edges)
         if (const std::uint32_t p = table.piece_patch[a], q = table.piece_patch[b]; p != q) pairs.push_back({std::min(p, q), std::max(p, q)});
     std::ranges::sort(pairs);
@@ -311,7 +311,7 @@ std::vector<std::array<std::uint32_t, 2>> touching_patches(const PieceEdges& edg
     return pairs;
 }
 
-std::vector<Rgbd> values_at_luxels(const Surfaces& s, const PieceEdges& edges, const PatchTable& table, std::span<const std::uint32_t> luxel_patch, const std::vector<Rgbd>& values) {
+std::vector<Rgbd> values_at_luxels(const Surfaces& s, const TouchingPatches& touching, const PatchTable& table, std::span<const std::uint32_t> luxel_patch, const std::vector<Rgbd>& values) {
     constexpr double kRidge = 1e-3; // along which no neighbour lies, nothing is known
     const std::size_t n = table.patches.size(), luxels = s.luxels.size();
     const auto place = [&](std::size_t l) { // chart coordinates, map units
@@ -334,7 +334,7 @@ std::vector<Rgbd> values_at_luxels(const Surfaces& s, const PieceEdges& edges, c
         Rgbd x, y, most; // most: by which a neighbour differs
     };
     std::vector<Fit> fits(n);
-    for (const auto& [p, q] : touching_patches(edges, table)) {
+    for (const auto& [p, q] : touching) {
         if (!(area[p] > 0 && area[q] > 0)) continue;
         const Vec2 d = center[q] - center[p];
         const double r2 = dot(d, d);

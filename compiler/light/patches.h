@@ -20,6 +20,7 @@ struct PatchTable {
     std::vector<std::uint32_t> piece_patch;         // per piece
     std::vector<std::uint32_t> face_patch;          // per face without chart; else kNoPatch
     std::vector<std::uint32_t> first_piece, pieces; // per patch: its pieces (none for faces without chart)
+    template <class A> void fields(A& a) { a(patches, texel_patch, piece_patch, face_patch, first_piece, pieces); }
 };
 
 // Pieces that touch along an edge: (a, b), a < b, within one chart; sorted.
@@ -38,11 +39,12 @@ inline constexpr std::array<std::array<int, 2>, 4> kBeside{{{1, 0}, {-1, 0}, {0,
 std::vector<std::uint8_t> luxels_beside(const Surfaces& surfaces, const PieceEdges& edges, std::span<const std::uint32_t> piece_patch, std::span<const std::uint32_t> luxel_patch);
 
 // Patches that share an edge in one plane: each pair once, ascending.
-std::vector<std::array<std::uint32_t, 2>> touching_patches(const PieceEdges& edges, const PatchTable& table);
+using TouchingPatches = std::vector<std::array<std::uint32_t, 2>>;
+TouchingPatches touching_patches(const PieceEdges& edges, const PatchTable& table);
 
 // Values of patches (means over them) at their luxels: linear over each patch, with the slope that its neighbours along edges show. At
 // most as far off the mean as the neighbour that differs most, and nowhere below 0. `luxel_patch`: per luxel; kNoPatch: 0.
-std::vector<Rgbd> values_at_luxels(const Surfaces& surfaces, const PieceEdges& edges, const PatchTable& table, std::span<const std::uint32_t> luxel_patch,
+std::vector<Rgbd> values_at_luxels(const Surfaces& surfaces, const TouchingPatches& touching, const PatchTable& table, std::span<const std::uint32_t> luxel_patch,
                                    const std::vector<Rgbd>& values);
 
 // Where luxels lie: texel -> luxel, hit -> patch.

@@ -11,6 +11,7 @@ namespace kiln {
 // the others one, drawn by what it could bring. Asking all of a hundred lamps for a shadow ray at each vertex made up
 // three quarters of the time of ambient cubes.
 struct NearLights {
+    Vec3 point;
     std::vector<std::uint32_t> seen, others;
     Choice choice; // of others
     NearLights(const LightField::Data& d, Vec3 x);
@@ -78,7 +79,7 @@ struct PathTracer {
     // Every pane on the way gives its share.
     Rgbd met(const Choice& choice, Vec3 x, Vec3 way, double density, Random& random) const;
     // Radiance reflected at `hit` towards where the ray came from. With `end`: a vertex further than a luxel or two
-    // from the one before takes what the bake stored there, and the path ends. That is left out of the radiance.
+    // from the one before, or than near_reach from the point of `near`, takes what the bake stored there, and the path ends. That is left out of the radiance.
     struct End {
         std::uint32_t place = FieldBundle::kBlack; // none
         Rgbd share;

@@ -10,7 +10,7 @@ constexpr HemisphereMap kFirstMap{0.6};
 constexpr int kRouletteFrom = 3, kMostBounces = 4096;
 } // namespace
 
-NearLights::NearLights(const LightField::Data& d, Vec3 x) {
+NearLights::NearLights(const LightField::Data& d, Vec3 x) : point(x) {
     d.sight.each_light(d.sight.at(x, d.near_reach), [&](std::uint32_t i) {
         const Light& light = d.lights[i]; // of a sky the bound is nothing, of a sun it is the same everywhere
         const double bound = light_bound(light, x, std::min(d.near_reach, length(light.position - x) - 1));
@@ -27,7 +27,7 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, End* end) co
         const Face& face = d.surfaces.faces[hit.face.at()];
         if (!face.drawn || face.sky) break;
         const std::uint32_t place = end ? d.place_at(hit) : FieldBundle::kBlack;
-        if (end && (bounce >= kNearBounces || !d.is_near(hit))) {
+        if (end && (bounce >= kNearBounces || !d.is_near(hit) || (near && length(hit.position - near->point) > d.near_reach))) {
             *end = {place, throughput};
             break;
         }

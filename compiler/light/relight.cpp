@@ -15,6 +15,8 @@ void write(ByteWriter& w, const ReflectedLight& light, const Surfaces& surfaces,
         w(light.texel[texel], light.direct[texel], light.steep[texel]);
     }
 }
+// What keys of geometry alone are for.
+constexpr std::uint64_t kOfEdges = 1, kOfPatches = 2, kOfNeighbours = 3;
 } // namespace
 
 std::uint64_t light_id(Light light) {
@@ -22,24 +24,39 @@ std::uint64_t light_id(Light light) {
     return hash_of(light).low;
 }
 
-// Before the rows of new patches.
 void Bake::open_memo() {
-    if (base_ == 0) { // the first
-        memo_->lights.begin(), memo_->direct.begin(), memo_->gather.begin(), memo_->smooth.begin(), memo_->pilot.begin();
-        for (const Light& l : lights_) light_ids_.push_back(light_id(l));
-        ByteWriter w;
-        w(options_, sealed_, scene_.instruction_set(), emitters_.of_face);
-        for (const auto& cone : cones_) w(cone ? cone->cone_deg() : -1.0);
-        geometry_ = hash_bytes(w.bytes).low;
-        w(sky_);
-        for (const Emitter& e : emitters_.emitters) // those of faces that may have no patch to show what they shine
-            if (!surfaces_.faces[e.face.at()].chart.valid()) w(e.radiance);
-        base_ = hash_bytes(w.bytes).low | 1;
-    }
+    for (Memo* memo : memo_->all()) memo->begin();
+    for (const Light& l : lights_) light_ids_.push_back(light_id(l));
+    ByteWriter w;
+    w(options_, sealed_, scene_.instruction_set(), emitters_.of_face);
+    for (const auto& cone : cones_) w(cone ? cone->cone_deg() : -1.0);
+    geometry_ = hash_bytes(w.bytes).low;
+    w(sky_);
+    for (const Emitter& e : emitters_.emitters) // those of faces that may have no patch to show what they shine
+        if (!surfaces_.faces[e.face.at()].chart.valid()) w(e.radiance);
+    base_ = hash_bytes(w.bytes).low | 1;
+}
+
+// Before the rows of new patches.
+void Bake::name_table() {
     ByteWriter w;
     w(quality_.row_rays, quality_.patch_size, geometry_); // larger patches go by the size asked for
     for (const Patch& p : patches_.patches) w(p.face, p.centroid, p.area, max_component(p.reflectance) > 0);
     table_ = hash_bytes(w.bytes);
+}
+
+PieceEdges Bake::piece_edges() const {
+    return known_or<PieceEdges>(mix(geometry_, kOfEdges), [&] { return piece_adjacency(surfaces_); });
+}
+
+PatchTable Bake::patches_of(double h) const {
+    ByteWriter w;
+    for (const Material& m : world_.materials) w(m.reflectance, m.emission);
+    return known_or<PatchTable>(mix(geometry_, kOfPatches, hash_bytes(w.bytes).low, std::bit_cast<std::uint64_t>(h)), [&] { return build_patches(world_, surfaces_, edges_, h); });
+}
+
+TouchingPatches Bake::touching(const PatchTable& table, std::uint64_t times) const {
+    return known_or<TouchingPatches>(mix(table_.low, kOfNeighbours, times), [&] { return touching_patches(edges_, table); });
 }
 
 // Tables are used where they lie in the file: the widest first, so that all are aligned.

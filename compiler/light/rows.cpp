@@ -219,11 +219,7 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
 // The light of all that shines, each source met by rays: no lamp has a part in it, and an earlier bake may have it.
 std::vector<Rgbd> Bake::solve_gathered(const std::vector<Rgbd>& rho) {
     const std::vector<Rgbd> emission = gathered_emission(false);
-    const std::uint64_t key = memo_ ? mix(base_, table_.low, hash_of(emission).low, hash_of(rho).low) : 0;
-    if (const auto kept = memo_ ? memo_->lights.find(key, {}) : std::nullopt) return from_bytes<std::vector<Rgbd>>(*kept);
-    std::vector<Rgbd> out = solve(rows_, emission, rho, &out_.iterations, &residual_);
-    if (memo_) memo_->lights.keep(key, {}, {}, to_bytes(out));
-    return out;
+    return known_or<std::vector<Rgbd>>(memo_ ? mix(base_, table_.low, hash_of(emission).low, hash_of(rho).low) : 0, [&] { return solve(rows_, emission, rho, &out_.iterations, &residual_); });
 }
 
 // Until the bound on the error is below the share `iteration` of the mean.

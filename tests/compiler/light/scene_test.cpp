@@ -142,7 +142,7 @@ TEST(Patches, ValuesAtLuxelsAreLinear) {
     const auto linear = [](Vec3 x) { return Rgbd{5000 + x.x + 2 * x.y - 3 * x.z, 9000 - x.y, 4000}; };
     std::vector<Rgbd> values;
     for (const Patch& p : table.patches) values.push_back(linear(p.centroid));
-    const std::vector<Rgbd> out = values_at_luxels(s, edges, table, luxel_patch, values);
+    const std::vector<Rgbd> out = values_at_luxels(s, touching_patches(edges, table), table, luxel_patch, values);
     std::size_t looked_at = 0;
     for (std::size_t l = 0; l < s.luxels.size(); ++l) {
         const Chart& chart = s.charts[s.luxels[l].chart.at()];
@@ -154,7 +154,7 @@ TEST(Patches, ValuesAtLuxelsAreLinear) {
     EXPECT_GT(looked_at, 100u);
     std::vector<Rgbd> steep(values.size());
     for (std::size_t p = 0; p < steep.size(); ++p) steep[p] = p % 3 ? Rgbd{} : Rgbd{1, 7, 1e6};
-    const std::vector<Rgbd> sharp = values_at_luxels(s, edges, table, luxel_patch, steep);
+    const std::vector<Rgbd> sharp = values_at_luxels(s, touching_patches(edges, table), table, luxel_patch, steep);
     std::vector<Rgbd> sum(values.size());
     std::vector<double> area(values.size());
     for (std::size_t l = 0; l < sharp.size(); ++l) {
@@ -167,7 +167,7 @@ TEST(Patches, ValuesAtLuxelsAreLinear) {
     for (std::size_t l = 0; l < s.luxels.size(); ++l) luxel_patch[l] = faces.piece_patch[s.luxels[l].first_piece];
     std::vector<Rgbd> alone;
     for (std::size_t p = 0; p < faces.patches.size(); ++p) alone.push_back(Rgbd{1.0 * static_cast<double>(p), 2, 3});
-    const std::vector<Rgbd> flat = values_at_luxels(s, edges, faces, luxel_patch, alone);
+    const std::vector<Rgbd> flat = values_at_luxels(s, touching_patches(edges, faces), faces, luxel_patch, alone);
     for (std::size_t l = 0; l < flat.size(); ++l) EXPECT_EQ(flat[l], alone[luxel_patch[l]]);
 }
 
