@@ -90,11 +90,12 @@ Memo::Table Memo::Table::of(Buffer file) {
 void Memo::begin() {
     for (Table& t : tables_) t.begin();
     for (Shard& s : shards_) s.kept.clear();
+    kept_ = {};
 }
 
 std::optional<std::span<const std::uint8_t>> Memo::find(std::uint64_t key, const std::vector<std::uint64_t>& states) {
     std::uint64_t seen = 0;
-    {
+    if (kept_.at(key).load(std::memory_order_relaxed)) {
         Shard& s = shard(key);
         const std::lock_guard lock(s.mutex);
         if (const auto again = s.kept.find(key); again != s.kept.end()) {
@@ -116,7 +117,7 @@ void Memo::keep(std::uint64_t key, const std::vector<std::uint64_t>& states, con
     if (!seen_of(e.parts, states, &e.seen)) return;
     Shard& s = shard(key);
     const std::lock_guard lock(s.mutex);
-    s.kept.insert_or_assign(key, std::move(e));
+    s.kept.insert_or_assign(key, std::move(e)), kept_.at(key) = 1;
 }
 
 void Memo::renew(std::uint64_t key, const std::vector<std::uint64_t>& states, const Bytes& value) {
@@ -131,7 +132,7 @@ void Memo::renew(std::uint64_t key, const std::vector<std::uint64_t>& states, co
         std::uint64_t seen = 0;
         if (!e || !seen_of(t.part(e->parts, e->value), states, &seen) || seen != e->seen) continue;
         const auto parts = t.part(e->parts, e->value);
-        s.kept.insert_or_assign(key, Fresh{e->seen, Bytes(parts.begin(), parts.end()), value});
+        s.kept.insert_or_assign(key, Fresh{e->seen, Bytes(parts.begin(), parts.end()), value}), kept_.at(key) = 1;
         return;
     }
 }

@@ -4,6 +4,7 @@
 #include "libs/core/file.h"
 #include "libs/core/hash.h"
 #include <array>
+#include <atomic>
 #include <functional>
 #include <mutex>
 #include <optional>
@@ -100,6 +101,17 @@ private:
         }
     };
     Shard& shard(std::uint64_t key) { return shards_[key % shards_.size()]; }
+    // Keys that may have been kept in this run, by a few of their bits: most that are looked up have not.
+    struct Hint {
+        std::vector<std::atomic<std::uint8_t>> of = std::vector<std::atomic<std::uint8_t>>(std::size_t{1} << 17);
+        Hint() = default;
+        Hint(const Hint& o) { *this = o; }
+        Hint& operator=(const Hint& o) {
+            for (std::size_t i = 0; i < of.size(); ++i) of[i] = o.of[i].load();
+            return *this;
+        }
+        std::atomic<std::uint8_t>& at(std::uint64_t key) { return of[key % of.size()]; }
+    } kept_;
     std::array<Table, 2> tables_; // recent, all
     std::vector<Shard> shards_ = std::vector<Shard>(64);
     std::size_t found_count_ = 0, kept_count_ = 0;
