@@ -1,6 +1,7 @@
 // The cubes of worlds baked by the real stages.
 #include "compiler/ambient/air.h"
 #include "compiler/ambient/cube.h"
+#include "compiler/light/kept_rest.h"
 #include "compiler/light/memo.h"
 #include "tests/compiler/ambient/baked_world.h"
 #include <numbers>
@@ -161,6 +162,8 @@ TEST(AmbientBaked, ARebuiltLatticeIsThatOfACleanOne) {
     edits.push_back({.name = "panel", .panel = {1, 4, 3}});
     edits.push_back({.name = "panel out", .panel = {}});
     edits.push_back({.name = "walls", .wall = {0.3f, 0.4f, 0.5f}});
+    edits.push_back({.name = "as it was"});
+    edits.push_back({.name = "brighter again", .light = "255 255 255 260"});
     const Edit shining{.name = ""}, dull{.name = "", .panel = {}}; // without emitters a path depends on nothing but the lamps around
     for (const auto& [glazed, base] : {std::pair{false, shining}, {false, dull}, {true, shining}, {true, dull}}) {
         const auto first = world(base, glazed);
@@ -189,6 +192,50 @@ TEST(AmbientBaked, ARebuiltLatticeIsThatOfACleanOne) {
                 for (const Memo::Table& t : memo.tables()) EXPECT_FALSE(t.changed);
             }
         }
+    }
+}
+
+// What rays were added up to is taken over where nothing that they read has changed, and made anew where something has: also when the light of before is back.
+TEST(FieldBaked, SumsAreTakenOverWhereNothingTheyReadHasChanged) {
+    const auto world = [](const char* there) {
+        test::WorldBuilder w;
+        const MaterialId wall = w.material("wall", 0, {0.5f, 0.4f, 0.3f});
+        w.room({0, 0, 0}, {192, 192, 128}, 16, wall), w.room({400, 0, 0}, {592, 192, 128}, 16, wall);
+        w.point_entity("info_player_start", {40, 40, 40}), w.point_entity("info_player_start", {440, 40, 40});
+        w.point_entity("light", {60, 60, 100}, {{"_light", "255 255 255 100"}}), w.point_entity("light", {460, 60, 100}, {{"_light", there}});
+        return bake(w);
+    };
+    const Vec3 here{130, 100, 30}, beside_a_wall{4, 100, 30}, there{530, 100, 30};
+    Memo memo;
+    const auto sums = [&](const Baked& b, Memo* kept, std::array<int, 3>& made) {
+        if (kept) kept->begin();
+        const KeptRest rest(*b.field, kept);
+        std::array<Rgbd, 3> out;
+        for (std::size_t i = 0; i < out.size(); ++i)
+            out[i] = rest.sum<Rgbd>(std::array{here, beside_a_wall, there}[i], {}, 64, 5, 0, [&](const KeptRest::Arrivals& arrivals) {
+                Rgbd sum;
+                const auto add = [&](Vec3, Rgbd weight) { sum += weight; };
+                arrivals(add, add);
+                return ++made[i], sum;
+            });
+        if (kept) kept->end();
+        return out;
+    };
+    const auto first = world("255 255 255 100"), second = world("255 255 255 300");
+    struct Run {
+        const Baked& baked;
+        bool first, edited;
+    };
+    for (const Run& run : {Run{*first, true, false}, Run{*first, false, false}, Run{*second, false, true}, Run{*second, false, false}, Run{*first, false, true}, Run{*second, false, true}}) {
+        std::array<int, 3> made{}, all{};
+        const auto kept = sums(run.baked, &memo, made);
+        EXPECT_EQ(kept, sums(run.baked, nullptr, all));
+        EXPECT_EQ(all, (std::array{1, 1, 1}));
+        EXPECT_EQ(made[0], int{run.first});
+        if (!run.edited) { EXPECT_EQ(made[1], int{run.first}); } // beside a wall any lamp may count whose light would come so far
+        EXPECT_EQ(made[2], int{run.first || run.edited});
+        EXPECT_GT(max_component(kept[2]), 0);
+        memo = from_bytes<Memo>(to_bytes(memo));
     }
 }
 

@@ -287,6 +287,20 @@ TEST(Relight, AForeignMemoIsOfNoUse) {
     (void)baked(two_rooms(10), kLamps, &memo, other);
     memo = stored(memo);
     EXPECT_EQ(baked(two_rooms(20), kLamps, &memo), baked(two_rooms(20), kLamps, nullptr));
+    // Rows that are not whole are traced again.
+    const Bytes clean = baked(two_rooms(10), kLamps, nullptr, other);
+    for (const std::size_t share : {0, 1, 4, 7}) {
+        LightMemo cut = stored(memo);
+        int asked = 0;
+        cut.load_rows = [&](Hash table) {
+            std::optional<Buffer> rows = memo.load_rows(table);
+            if (rows) ++asked, rows->keep(0, share == 7 ? rows->bytes().size() - 1 : rows->bytes().size() * share / 8);
+            return rows;
+        };
+        cut.save_rows = nullptr;
+        EXPECT_EQ(baked(two_rooms(10), kLamps, &cut, other), clean);
+        EXPECT_GT(asked, 0);
+    }
     Bytes bytes = to_bytes(memo);
     bytes.resize(bytes.size() / 2);
     EXPECT_THROW((void)from_bytes<LightMemo>(bytes), ArchiveError);

@@ -1,4 +1,5 @@
 #include "libs/core/archive.h"
+#include "libs/core/held.h"
 #include "libs/core/check.h"
 #include "libs/core/file.h"
 #include "libs/core/hash.h"
@@ -42,6 +43,25 @@ TEST(Archive, EveryTruncationIsAnError) {
     Bytes longer = bytes;
     longer.push_back(0);
     EXPECT_THROW(from_bytes<Outer>(longer), ArchiveError);
+}
+
+TEST(Archive, AVectorIsReadWhereItLies) {
+    const Held<std::uint64_t> wide(std::vector<std::uint64_t>{1, 2, 3});
+    const Held<std::uint8_t> narrow(std::vector<std::uint8_t>{7});
+    ByteWriter w;
+    w(wide, narrow, wide);
+    EXPECT_EQ(from_bytes<std::vector<std::uint64_t>>(to_bytes(wide)), (std::vector<std::uint64_t>{1, 2, 3}));
+    const auto file = std::make_shared<const std::vector<std::uint64_t>>(w.bytes.size() / 8 + 1); // aligned
+    std::memcpy(const_cast<std::uint64_t*>(file->data()), w.bytes.data(), w.bytes.size());
+    const auto* at = reinterpret_cast<const std::uint8_t*>(file->data());
+    ByteReader r(std::span(at, w.bytes.size()));
+    const Held<std::uint64_t> again(r.view<std::uint64_t>(), file);
+    EXPECT_TRUE(std::ranges::equal(again, wide));
+    EXPECT_EQ(static_cast<const void*>(&again[0]), at + 8);
+    EXPECT_EQ(r.view<std::uint8_t>()[0], 7);
+    EXPECT_THROW((void)r.view<std::uint64_t>(), ArchiveError); // after a single byte
+    ByteReader cut(std::span(at, 16));
+    EXPECT_THROW((void)cut.view<std::uint64_t>(), ArchiveError);
 }
 
 TEST(Archive, AHostileLengthAllocatesNothing) {

@@ -1,5 +1,6 @@
 #include "libs/core/file.h"
 #include "libs/store/store.h"
+#include <algorithm>
 #include <filesystem>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -38,6 +39,23 @@ TEST(Store, GivesBackWhatWasSaved) {
         EXPECT_EQ(std::filesystem::file_size(store.path(key)) < kValue.size(), compressed);
         ASSERT_TRUE(store.save(key, Bytes{}, compressed));
         EXPECT_EQ(held(store, key), Bytes{});
+    }
+}
+
+// What was loaded stays what it was, whatever becomes of the file.
+TEST(Store, WhatIsHeldOutlivesItsFile) {
+    const Folder folder;
+    const ContentStore store(folder.path);
+    const Hash key{7, 8};
+    for (const bool compressed : {true, false}) {
+        ASSERT_TRUE(store.save(key, kValue, compressed));
+        const auto first = store.load(key);
+        ASSERT_TRUE(store.save(key, Bytes(kValue.size(), 3), compressed));
+        const auto second = store.load(key);
+        std::filesystem::remove_all(folder.path);
+        ASSERT_TRUE(first && second);
+        EXPECT_TRUE(std::ranges::equal(first->bytes(), kValue));
+        EXPECT_TRUE(std::ranges::equal(second->bytes(), Bytes(kValue.size(), 3)));
     }
 }
 
