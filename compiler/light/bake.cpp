@@ -13,6 +13,7 @@ constexpr double kPatchShare = 0.6;                        // of the target, for
 constexpr double kDirectShare = 0.35;                      // for the noise of direct light
 constexpr double kSolutionShare = 0.4;                     // for what the solution has of the noise of rows
 constexpr std::uint32_t kMostRowRays = 4096;
+static_assert(kMostRowRays / 4 <= UINT16_MAX); // Quarters
 constexpr double kSteep = 5;                               // targets by which direct light of luxels side by side may differ
 constexpr double kReadStep = 0.5;                          // of the target: to what share of itself light is rounded where rays read it
 constexpr double kFarPatches = 3;                          // sizes of a patch from which on light close by is not followed further
@@ -306,7 +307,7 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
 void Bake::make_larger() {
     const std::size_t n = patches_.patches.size();
     larger_ = {};
-    larger_.table = patches_of(2 * quality_.patch_size), larger_.touching = touching(larger_.table, 2);
+    larger_.table = patches_of(2 * quality_.patch_size), larger_.touching = touching(larger_.table, larger_table_);
     const std::size_t m = larger_.table.patches.size();
     larger_.of.resize(n), larger_.parts.resize(m), larger_.area.resize(m);
     for (std::uint32_t p = 0; p < n; ++p) {
@@ -373,7 +374,7 @@ void Bake::make_patches() {
     }
 
     if (memo_) name_table();
-    touching_ = touching(patches_, 1);
+    touching_ = touching(patches_, table_);
     neighbours_.assign(n, {});
     for (const auto& [p, q] : touching_) neighbours_[p].push_back(q), neighbours_[q].push_back(p); // ascending, as the pairs are
     make_larger();

@@ -195,12 +195,13 @@ private:
     }
     PieceEdges piece_edges() const;
     PatchTable patches_of(double h) const; // of that size
-    TouchingPatches touching(const PatchTable& table, std::uint64_t times) const; // of the patches as they are, or so many times as large
+    TouchingPatches touching(const PatchTable& table, Hash name) const;
     bool load_rows();
     void save_rows(const std::array<std::uint64_t, 3>& counts);
+    bool load_larger_rows();
+    void save_larger_rows();
     void note_reflected(std::uint32_t patch);
     void note_solution();
-    void note_lists();
     void note_states();
     std::uint64_t hash_of_ref(const LightRef& ref) const;
     void luxel_direct_of(std::uint32_t patch, std::uint64_t pass, std::vector<std::uint8_t>* divided, std::uint64_t* rays);
@@ -218,7 +219,7 @@ private:
     }
     // Likewise body(ray) for its rays through panes; their numbers in pane_rays_.ray.
     void for_pane_rays(std::size_t p, const auto& body) const {
-        if (pane_rays_.ray.empty()) return;
+        if (pane_rays_.ray.empty() || covered_[p]) return;
         const std::uint64_t m = quality_.row_rays;
         for (auto r = std::ranges::lower_bound(pane_rays_.ray, p * m); r != pane_rays_.ray.end() && *r < (p + 1) * m; ++r) body(*r);
     }
@@ -406,7 +407,7 @@ private:
     std::vector<std::uint32_t> rays_;          // per patch: gathered rays of its luxels
     std::vector<double> noise_, noise_weight_; // per patch: relative variance of a single ray, as passes showed it
     // With a memo: that of the patches as they are, what every key begins with, and what a place's light is a function of.
-    Hash table_;
+    Hash table_, larger_table_;
     std::uint64_t geometry_ = 0, base_ = 0, pilots_ = 0;                // base_: with the sky
     std::vector<std::uint64_t> light_ids_;                              // per entity: of all that makes its light
     std::vector<std::uint64_t> reflects_, reflects_coarse_, guides_;    // per patch, from the last solution

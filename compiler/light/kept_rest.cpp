@@ -21,7 +21,6 @@ struct KeptStates {
     template <class A> void fields(A& a) { a(states, lights, since); }
 };
 
-
 // The next vector of an archive, as its bytes.
 std::span<const std::uint8_t> vector_of(std::span<const std::uint8_t>& bytes, std::size_t each) {
     std::uint64_t count = 0;

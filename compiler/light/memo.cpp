@@ -90,7 +90,7 @@ Memo::Table Memo::Table::of(Buffer file) {
 void Memo::begin() {
     for (Table& t : tables_) t.begin();
     for (Shard& s : shards_) s.kept.clear();
-    kept_ = {};
+    kept_.clear();
 }
 
 std::optional<std::span<const std::uint8_t>> Memo::find(std::uint64_t key, const std::vector<std::uint64_t>& states) {

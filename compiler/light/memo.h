@@ -107,8 +107,11 @@ private:
         Hint() = default;
         Hint(const Hint& o) { *this = o; }
         Hint& operator=(const Hint& o) {
-            for (std::size_t i = 0; i < of.size(); ++i) of[i] = o.of[i].load();
+            for (std::size_t i = 0; i < of.size(); ++i) of[i].store(o.of[i].load(std::memory_order_relaxed), std::memory_order_relaxed);
             return *this;
+        }
+        void clear() {
+            for (std::atomic<std::uint8_t>& byte : of) byte.store(0, std::memory_order_relaxed);
         }
         std::atomic<std::uint8_t>& at(std::uint64_t key) { return of[key % of.size()]; }
     } kept_;

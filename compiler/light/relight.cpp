@@ -28,7 +28,7 @@ void Bake::open_memo() {
     for (Memo* memo : memo_->all()) memo->begin();
     for (const Light& l : lights_) light_ids_.push_back(light_id(l));
     ByteWriter w;
-    w(options_, sealed_, scene_.instruction_set(), emitters_.of_face);
+    w(options_, sealed_, scene_.instruction_set(), emitters_.of_face, surfaces_.pieces, surfaces_.luxels);
     for (const auto& cone : cones_) w(cone ? cone->cone_deg() : -1.0);
     geometry_ = hash_bytes(w.bytes).low;
     w(sky_);
@@ -40,9 +40,10 @@ void Bake::open_memo() {
 // Before the rows of new patches.
 void Bake::name_table() {
     ByteWriter w;
-    w(quality_.row_rays, quality_.patch_size, geometry_); // larger patches go by the size asked for
+    w(quality_.row_rays, geometry_);
     for (const Patch& p : patches_.patches) w(p.face, p.centroid, p.area, max_component(p.reflectance) > 0);
     table_ = hash_bytes(w.bytes);
+    larger_table_ = hash_of(std::pair(table_, quality_.patch_size)); // they go by the size asked for
 }
 
 PieceEdges Bake::piece_edges() const {
@@ -55,21 +56,43 @@ PatchTable Bake::patches_of(double h) const {
     return known_or<PatchTable>(mix(geometry_, kOfPatches, hash_bytes(w.bytes).low, std::bit_cast<std::uint64_t>(h)), [&] { return build_patches(world_, surfaces_, edges_, h); });
 }
 
-TouchingPatches Bake::touching(const PatchTable& table, std::uint64_t times) const {
-    return known_or<TouchingPatches>(mix(table_.low, kOfNeighbours, times), [&] { return touching_patches(edges_, table); });
+TouchingPatches Bake::touching(const PatchTable& table, Hash name) const {
+    return known_or<TouchingPatches>(mix(name.low, kOfNeighbours), [&] { return touching_patches(edges_, table); });
 }
 
-// Tables are used where they lie in the file: the widest first, so that all are aligned.
-bool Bake::load_rows() {
-    if (!memo_ || !memo_->load_rows) return false;
-    std::optional<Buffer> bytes = memo_->load_rows(table_);
+namespace {
+// Tables are used where they lie in a file: the widest first, so that all are aligned.
+template <class... T> void read_held(ByteReader& r, const std::shared_ptr<const Buffer>& file, Held<T>&... to) {
+    ((to = {r.view<T>(), file}), ...);
+}
+bool fits(const Held<std::uint64_t>& first, std::size_t count, std::size_t entries) {
+    return first.size() == count + 1 && first[count] == entries;
+}
+// body(reader, file); false where nothing is there, or it is not what was saved.
+bool read_table(const LightMemo* memo, Hash table, const auto& body) {
+    std::optional<Buffer> bytes = memo && memo->load_rows ? memo->load_rows(table) : std::nullopt;
     if (!bytes) return false;
     const auto file = std::make_shared<const Buffer>(*std::move(bytes));
     try {
         ByteReader r(file->bytes());
-        const auto next = [&]<class T>(Held<T>& to) { to = {r.view<T>(), file}; };
-        const std::size_t n = patches_.patches.size(), larger = larger_.parts.size();
-        Rows rows, larger_rows;
+        return body(r, file);
+    } catch (const ArchiveError&) {
+        return false;
+    }
+}
+template <class... T> void save_table(const LightMemo* memo, Hash table, const T&... values) {
+    if (!memo || !memo->save_rows) return;
+    ByteWriter w;
+    w.bytes.reserve(ByteWriter::count(values...));
+    w(values...);
+    memo->save_rows(table, std::move(w.bytes));
+}
+} // namespace
+
+bool Bake::load_rows() {
+    return read_table(memo_, table_, [&](ByteReader& r, const std::shared_ptr<const Buffer>& file) {
+        const std::size_t n = patches_.patches.size();
+        Rows rows;
         Held<std::uint64_t> lone_first;
         Held<std::uint32_t> hits, lone;
         Held<Quarters> met, lone_met;
@@ -77,27 +100,34 @@ bool Bake::load_rows() {
         PaneRays panes;
         std::array<std::uint64_t, 3> counts{};
         std::vector<std::uint8_t> covered;
-        next(rows.first), next(lone_first), next(larger_rows.first), next(met), next(lone_met);
-        next(hits), next(rows.patch), next(lone), next(larger_rows.patch), next(larger_rows.weight), next(cells);
+        read_held(r, file, rows.first, lone_first), read_held(r, file, met, lone_met), read_held(r, file, hits, rows.patch, lone), read_held(r, file, cells);
         r(panes, counts, covered);
-        const auto fits = [](const Held<std::uint64_t>& first, std::size_t count, std::size_t entries) { return first.size() == count + 1 && first[count] == entries; };
         if (hits.size() != n * quality_.row_rays || cells.size() != hits.size() || covered.size() != n || met.size() != rows.patch.size() || lone_met.size() != lone.size() ||
-            larger_rows.weight.size() != larger_rows.patch.size() || !fits(rows.first, n, met.size()) || !fits(lone_first, n, lone.size()) || !fits(larger_rows.first, larger, larger_rows.patch.size()))
+            !fits(rows.first, n, met.size()) || !fits(lone_first, n, lone.size()))
             return false;
         hits_ = std::move(hits), hit_cells_ = std::move(cells), covered_ = std::move(covered), pane_rays_ = std::move(panes);
-        rows_ = std::move(rows), met_ = std::move(met), lone_first_ = std::move(lone_first), lone_ = std::move(lone), lone_met_ = std::move(lone_met), larger_.rows = std::move(larger_rows);
+        rows_ = std::move(rows), met_ = std::move(met), lone_first_ = std::move(lone_first), lone_ = std::move(lone), lone_met_ = std::move(lone_met);
         counts_ += HitCounts{counts[0], counts[1], counts[2]};
         return true;
-    } catch (const ArchiveError&) {
-        return false;
-    }
+    });
 }
 
 void Bake::save_rows(const std::array<std::uint64_t, 3>& counts) {
-    if (!memo_ || !memo_->save_rows) return;
-    ByteWriter w;
-    w(rows_.first, lone_first_, larger_.rows.first, met_, lone_met_, hits_, rows_.patch, lone_, larger_.rows.patch, larger_.rows.weight, hit_cells_, pane_rays_, counts, covered_);
-    memo_->save_rows(table_, std::move(w.bytes));
+    save_table(memo_, table_, rows_.first, lone_first_, met_, lone_met_, hits_, rows_.patch, lone_, hit_cells_, pane_rays_, counts, covered_);
+}
+
+bool Bake::load_larger_rows() {
+    return read_table(memo_, larger_table_, [&](ByteReader& r, const std::shared_ptr<const Buffer>& file) {
+        Rows rows;
+        read_held(r, file, rows.first), read_held(r, file, rows.patch), read_held(r, file, rows.weight);
+        if (rows.weight.size() != rows.patch.size() || !fits(rows.first, larger_.parts.size(), rows.patch.size())) return false;
+        larger_.rows = std::move(rows);
+        return true;
+    });
+}
+
+void Bake::save_larger_rows() {
+    save_table(memo_, larger_table_, larger_.rows.first, larger_.rows.patch, larger_.rows.weight);
 }
 
 // All that a ray may read at a patch.

@@ -97,21 +97,19 @@ template <class... T> struct Parts {
     std::vector<Part> parts;
     explicit Parts(std::size_t count) : parts(count) {}
     // body(first, entries...) with all of them
-    void join(const auto& body) const {
-        std::vector<std::uint64_t> first{0};
+    void join(Context& context, const auto& body) const {
+        std::vector<std::size_t> row{1}, entry{0}; // of each part, where its begin
+        for (const Part& p : parts) row.push_back(row.back() + p.first.size()), entry.push_back(entry.back() + std::get<0>(p.entries).size());
+        std::vector<std::uint64_t> first(row.back());
         std::tuple<std::vector<T>...> all;
-        const auto each = [&]<std::size_t... k>(std::index_sequence<k...>) {
-            std::size_t rows = 1, size = 0;
-            for (const Part& p : parts) rows += p.first.size(), size += std::get<0>(p.entries).size();
-            first.reserve(rows), (std::get<k>(all).reserve(size), ...);
-            for (const Part& p : parts) {
-                const std::size_t at = std::get<0>(all).size();
-                for (const std::uint64_t end : p.first) first.push_back(at + end);
-                (std::get<k>(all).insert(std::get<k>(all).end(), std::get<k>(p.entries).begin(), std::get<k>(p.entries).end()), ...);
-            }
+        [&]<std::size_t... k>(std::index_sequence<k...>) {
+            (std::get<k>(all).resize(entry.back()), ...);
+            parallel_for(context, parts.size(), [&](std::size_t i) {
+                for (std::size_t r = 0; r < parts[i].first.size(); ++r) first[row[i] + r] = entry[i] + parts[i].first[r];
+                (std::ranges::copy(std::get<k>(parts[i].entries), std::get<k>(all).begin() + static_cast<std::ptrdiff_t>(entry[i])), ...);
+            });
             body(std::move(first), std::move(std::get<k>(all))...);
-        };
-        each(std::index_sequence_for<T...>());
+        }(std::index_sequence_for<T...>());
     }
 };
 constexpr std::size_t kRowsAtOnce = 256;
@@ -147,8 +145,8 @@ void Bake::merge_hits() {
             met_first.push_back(codes.size()), alone_first.push_back(others.size());
         }
     });
-    patches.join([&](std::vector<std::uint64_t> first, std::vector<std::uint32_t> codes, std::vector<Quarters> rays) { rows_ = {std::move(first), std::move(codes), {}, {}, {}, {}}, met_ = std::move(rays); });
-    lone.join([&](std::vector<std::uint64_t> first, std::vector<std::uint32_t> codes, std::vector<Quarters> rays) { lone_first_ = std::move(first), lone_ = std::move(codes), lone_met_ = std::move(rays); });
+    patches.join(context_, [&](std::vector<std::uint64_t> first, std::vector<std::uint32_t> codes, std::vector<Quarters> rays) { rows_ = {std::move(first), std::move(codes), {}, {}, {}, {}}, met_ = std::move(rays); });
+    lone.join(context_, [&](std::vector<std::uint64_t> first, std::vector<std::uint32_t> codes, std::vector<Quarters> rays) { lone_first_ = std::move(first), lone_ = std::move(codes), lone_met_ = std::move(rays); });
 }
 
 void Bake::weigh_rows() {
@@ -179,7 +177,7 @@ void Bake::merge_larger() {
             ends.push_back(patch.size());
         }
     });
-    merged.join([&](std::vector<std::uint64_t> first, std::vector<std::uint32_t> patch, std::vector<float> weight) { larger_.rows = {std::move(first), std::move(patch), std::move(weight), {}, {}, {}}; });
+    merged.join(context_, [&](std::vector<std::uint64_t> first, std::vector<std::uint32_t> patch, std::vector<float> weight) { larger_.rows = {std::move(first), std::move(patch), std::move(weight), {}, {}, {}}; });
 }
 
 // All that rays of rows tell, from an earlier bake where they are known.
@@ -189,9 +187,10 @@ void Bake::make_rows() {
     } else {
         const HitCounts counts = trace_rows();
         counts_ += counts;
-        merge_hits(), weigh_rows(), merge_larger();
+        merge_hits(), weigh_rows();
         save_rows({counts.rays, counts.escaped, counts.back});
     }
+    if (!load_larger_rows()) merge_larger(), save_larger_rows();
     if (scene_.has_panes()) merge_filtered(rows_), merge_filtered_larger();
 }
 

@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kReach = 3;          // luxels; windows of 3, 5 and 7 are tried
 constexpr int kSpikeReach = 2;     // luxels around one that tell a spike, and that it is spread over
-constexpr int kSpikesRead = kReach + 1 + 2 * kSpikeReach; // of what is in a window, the mean of noise beside it; of either, spikes that reach it, and those beside these
-constexpr int kReads = kSpikesRead + kSpikeReach;         // and what tells them
+constexpr int kSpikesRead = kReach + 1 + kSpikeReach; // of what is in a window, the mean of noise beside it; of either, spikes that reach it, and of those, others beside
+constexpr int kReads = kSpikesRead + kSpikeReach;     // and what tells them
 constexpr std::uint32_t kBlock = 4;                       // texels: a memo's keys go by blocks of so many a side
 constexpr int kSide = 2 * kReach + 1;
 constexpr double kFarthest = 3; // standard deviations of the noise that a luxel is moved at most
@@ -414,8 +414,8 @@ void Bake::smooth() {
         });
     }
     const auto drawn = [&](std::uint32_t l) { return luxel_patch_[l] != kNoPatch && asked[luxel_patch_[l]]; };
-    const std::vector<std::uint8_t> read = luxels_within(kReads, drawn), spikes_read = luxels_within(kSpikesRead, drawn);
     if (std::ranges::none_of(asked, [](std::uint8_t a) { return a; })) return;
+    const std::vector<std::uint8_t> read = luxels_within(kReads, drawn), spikes_read = luxels_within(kSpikesRead, drawn);
     const Neighbourhood around(surfaces_, luxel_patch_, beside_, gathered_there_, left_to_rays);
     // Luminance of what is shown; its variance, summed over the normals, as its own rays tell it.
     std::vector<std::array<double, 4>> shown(luxels);

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <random>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -91,8 +92,17 @@ Result<bool> write_file(const std::string& path, std::initializer_list<std::span
     const auto kind = std::filesystem::status(path, ignored).type();
     const bool direct = kind == std::filesystem::file_type::character || kind == std::filesystem::file_type::fifo ||
                         kind == std::filesystem::file_type::socket;
-    const std::string temporary = direct ? path : fmt::format("{}.{}.tmp", path, ::getpid());
-    Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CLOEXEC | (direct ? 0 : O_CREAT | O_TRUNC), 0644));
+    // A name of our own: of two that write the same file, neither may write on in what the other has put in place.
+    std::string temporary = path;
+    int created = -1;
+    std::random_device random;
+    constexpr int kTries = 16;
+    for (int i = 0; i < kTries; ++i) {
+        if (!direct) temporary = fmt::format("{}.{:08x}.tmp", path, random());
+        created = ::open(temporary.c_str(), O_WRONLY | O_CLOEXEC | (direct ? 0 : O_CREAT | O_EXCL), 0644);
+        if (created >= 0 || errno != EEXIST) break;
+    }
+    Descriptor file(created);
     if (file.get() < 0) return io_fault(Exit::io, "cannot-write", path, "cannot be created");
     const auto failed = [&](const char* what) {
         const Fault f = io_fault(Exit::io, "cannot-write", path, what);

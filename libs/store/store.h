@@ -1,6 +1,6 @@
 // ContentStore: stage results on disk under the hash of what they were made from. Entries carry the hash of their
 // bytes, are verified on read and written atomically: a damaged, truncated or half-written entry is a miss, never a
-// wrong answer. Several processes may share a folder.
+// wrong answer. Several processes may share a folder. What is loaded is mapped: nobody may change an entry in place, to remove or replace it is no harm.
 #pragma once
 #include "libs/core/file.h"
 #include "libs/core/hash.h"

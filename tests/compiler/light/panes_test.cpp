@@ -313,6 +313,24 @@ TEST(Panes, AnOpaqueOneSealsARoom) {
     }
 }
 
+// A face in something solid, which nobody sees, sends nothing on of what shines in there.
+TEST(Panes, WhatLiesInSomethingSolidStaysDark) {
+    SurfacesBuilder scene;
+    const MaterialId grey = scene.material({0.5f, 0.5f, 0.5f});
+    scene.room({{0, 0, 0}, {256, 256, 128}}, all(grey), {.luxel = 16});
+    scene.block({{64, 64, 0}, {192, 192, 100}}, all(grey), {.luxel = 16});
+    scene.rect({96, 96, 20}, {64, 0, 0}, {0, 64, 0}, grey, {.luxel = 16});
+    pane(scene, {96, 96, 60}, {0, 64, 0}, {64, 0, 0}, glass(scene, 0.5f, {0.2f, 0.2f, 0.2f}, Rgb{1, 1, 1}, {2, 2, 2}));
+    const auto b = bake(std::move(scene), {.error_percent = 20});
+    int inside = 0;
+    for (std::size_t p = 0; p < b->lighting.patches.size(); ++p)
+        if (b->lighting.patches[p].centroid.z == 20) {
+            ++inside;
+            EXPECT_EQ(b->lighting.radiosity[p], Rgb{});
+        }
+    EXPECT_GT(inside, 0);
+}
+
 // Opacity that entities state, and whether they cast shadows at all.
 TEST(PaneEntities, KeysOfTheGames) {
     struct Case {

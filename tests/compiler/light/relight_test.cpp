@@ -287,6 +287,10 @@ TEST(Relight, AForeignMemoIsOfNoUse) {
     (void)baked(two_rooms(10), kLamps, &memo, other);
     memo = stored(memo);
     EXPECT_EQ(baked(two_rooms(20), kLamps, &memo), baked(two_rooms(20), kLamps, nullptr));
+    LightMemo of_another_room = empty_memo();
+    (void)baked(shaft_beside_a_room(), kLamps, &of_another_room);
+    of_another_room = stored(of_another_room);
+    EXPECT_EQ(baked(two_rooms(20), kLamps, &of_another_room), baked(two_rooms(20), kLamps, nullptr));
     // Rows that are not whole are traced again.
     const Bytes clean = baked(two_rooms(10), kLamps, nullptr, other);
     for (const std::size_t share : {0, 1, 4, 7}) {
