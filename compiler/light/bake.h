@@ -138,10 +138,11 @@ struct PaneRays {
     template <class A> void fields(A& a) { a(ray, first, met); }
 };
 
+constexpr std::uint32_t kQuarters = 4;
 // Of the rays of a row, by quarters of their sequence, those that met something.
 struct Quarters {
     static constexpr bool kRawBytes = true;
-    std::array<std::uint16_t, 4> rays{};
+    std::array<std::uint16_t, kQuarters> rays{};
     std::uint32_t all() const { return std::uint32_t{rays[0]} + rays[1] + rays[2] + rays[3]; }
 };
 

@@ -12,7 +12,6 @@
 namespace kiln {
 namespace {
 
-constexpr std::uint32_t kQuarters = 4;
 constexpr std::size_t kWays = kQuarters - 1;
 struct Leaves { // what two quarters say against two, in each of the three ways there are: as noisy as the mean of all four
     std::array<Rgb, kWays> way{}; // floats: they tell of noise, and most of the time here is reading them

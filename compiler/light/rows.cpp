@@ -131,7 +131,7 @@ void Bake::merge_hits() {
             auto& [others, other_rays] = alone;
             const std::size_t first = codes.size(), first_other = others.size();
             for (std::uint32_t i = 0; i < m; ++i) {
-                const std::uint32_t code = hits_[row * m + i], quarter = i * 4 / m;
+                const std::uint32_t code = hits_[row * m + i], quarter = i * kQuarters / m;
                 if (is_patch(code)) {
                     if (place[code] == UINT32_MAX) place[code] = static_cast<std::uint32_t>(codes.size()), codes.push_back(code), rays.emplace_back();
                     ++rays[place[code]].rays[quarter];
