@@ -559,6 +559,12 @@ Lighting Bake::run() {
     out_.patch_index = patches_.texel_patch;
     out_.piece_patch = patches_.piece_patch;
     out_.face_patch = patches_.face_patch;
+    out_.first_brought.assign(1, 0);
+    for (std::size_t p = 0; p < n; ++p) {
+        for (std::size_t k = 0; k < lists_[p].size(); ++k)
+            if (!lists_[p][k].is_emitter && brought_[p][k] > 0) out_.brought.push_back({lists_[p][k].light, brought_[p][k]});
+        out_.first_brought.push_back(static_cast<std::uint32_t>(out_.brought.size()));
+    }
     double gathered = 0;
     for (std::size_t l = 0; l < luxels; ++l)
         if (luxel_patch_[l] != kNoPatch) gathered += rays_[luxel_patch_[l]];
@@ -642,6 +648,9 @@ void validate(const Lighting& l, const Surfaces& s) {
     KILN_CHECK_OP(l.piece_patch.size(), ==, s.pieces.size());
     KILN_CHECK_OP(l.face_patch.size(), ==, s.faces.size());
     KILN_CHECK_OP(l.radiosity.size(), ==, l.patches.size());
+    KILN_CHECK(l.first_brought.empty() || l.first_brought.size() == l.patches.size() + 1);
+    for (std::size_t p = 1; p < l.first_brought.size(); ++p) KILN_CHECK_OP(l.first_brought[p - 1], <=, l.first_brought[p]);
+    if (!l.first_brought.empty()) KILN_CHECK_OP(l.first_brought.back(), ==, l.brought.size());
     KILN_CHECK_OP(l.chart_directional.size(), ==, s.charts.size());
     for (const std::uint32_t p : l.piece_patch) KILN_CHECK_OP(p, <, l.patches.size());
     for (const Rgb& e : l.flat)

@@ -102,6 +102,18 @@ Vec3 EmitterSet::point_on(std::uint32_t index, Vec2 u) const {
     return t->a + (t->b - t->a) * w.x + (t->c - t->a) * w.y;
 }
 
+void choose_by_light(std::span<const double> brought, std::span<const double> could, Choice* choice) {
+    constexpr double kKnownShare = 0.75;
+    double all_could = 0, all_brought = 0;
+    for (std::size_t k = 0; k < could.size(); ++k)
+        if (could[k] > 0) all_could += could[k], all_brought += brought[k];
+    choice->clear();
+    for (std::size_t k = 0; k < could.size(); ++k) {
+        const double by_bound = all_could > 0 ? could[k] / all_could : 0;
+        choice->add(all_brought > 0 && could[k] > 0 ? (1 - kKnownShare) * by_bound + kKnownShare * brought[k] / all_brought : by_bound);
+    }
+}
+
 bool sample_light(const Light& light, Vec3 x, Vec3 n, Vec2 u, LightSample* out) {
     const Rgbd intensity = static_cast<Rgbd>(light.intensity);
     double strength = 1;

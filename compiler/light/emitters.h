@@ -137,6 +137,10 @@ struct Choice {
     }
 };
 
+// One of some lights at a place: by what they bring to luxels around it, in part by what they could bring there, which may be 0. By that alone a wall of light just around
+// the corner was drawn for a sun that made all the light, and the sun, when it was drawn, stood for twenty.
+void choose_by_light(std::span<const double> brought, std::span<const double> could, Choice* choice);
+
 double triangle_form_factor(Vec3 x, Vec3 n, const std::array<Vec3, 3>& triangle);
 
 template <class Visit>

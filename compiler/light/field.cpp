@@ -38,58 +38,77 @@ Rgbd LightField::Data::reflected(std::uint32_t place) const {
     return place == FieldBundle::kSky ? sky : static_cast<Rgbd>(place_reflected[place]);
 }
 
-std::uint32_t LightField::Data::lights_part(Vec3 x) const {
-    std::uint32_t at = 0;
-    for (std::size_t a = 0; a < 3; ++a) {
-        const double share = (x[a] - bounds.lo[a]) / std::max(bounds.hi[a] - bounds.lo[a], 1e-9);
-        at = at * kBoxes + static_cast<std::uint32_t>(std::clamp(share * kBoxes, 0.0, kBoxes - 1.0));
-    }
-    return static_cast<std::uint32_t>(place_reflected.size()) + at;
-}
-
 void LightField::Data::tell_states() {
     const Data& d = *this;
     states.reserve(d.part_count());
     const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
     for (const Rgb& r : d.place_reflected) states.push_back(mix(bits(r.x) | bits(r.y) << 32, bits(r.z)));
-    // Lights that can bring anything to where paths from points of the box may come.
+    ByteWriter w;
+    w(d.sky);
+    for (const Emitter& e : d.emitters.emitters) w(e.radiance);
+    for (const Material& m : d.world.materials) w(m.reflectance);
+    states.push_back(hash_bytes(w.bytes).low);
+    states.insert(states.end(), d.place_even.begin(), d.place_even.end());
     std::vector<std::uint64_t> ids;
     for (const Light& light : d.lights) ids.push_back(light_id(light));
-    const Vec3 size = d.bounds.size() / Data::kBoxes;
-    for (std::uint32_t i = 0; i < Data::kBoxes * Data::kBoxes * Data::kBoxes; ++i) {
-        const Vec3 at{double(i / (Data::kBoxes * Data::kBoxes)), double(i / Data::kBoxes % Data::kBoxes), double(i % Data::kBoxes)};
-        const Vec3 center = d.bounds.lo + size * 0.5 + Vec3{size.x * at.x, size.y * at.y, size.z * at.z};
-        std::array<Vec3, 8> corners;
-        for (std::size_t k = 0; k < 8; ++k) corners[k] = center + Vec3{k & 1 ? size.x : -size.x, k & 2 ? size.y : -size.y, k & 4 ? size.z : -size.z} * 0.5;
+    for (std::uint32_t p = 0; p < d.lighting.patches.size(); ++p) {
         std::uint64_t state = 0;
-        d.sight.each_light(d.sight.at(corners, d.near_reach), [&](std::uint32_t k) {
-            if (light_bound(d.lights[k], center, length(size) / 2 + d.near_reach) > 0) state = mix(state, ids[k]);
-        });
+        if (!d.lighting.first_brought.empty())
+            for (const LightBrings& b : d.entities_of(p)) state = mix(state, ids[b.light], bits(b.irradiance));
         states.push_back(state);
     }
 }
 
 const std::vector<std::uint64_t>& LightField::part_states() const {
-    std::call_once(data_->states_told, [&] { data_->tell_states(), data_->states.push_back(emitters_state()); });
+    std::call_once(data_->states_told, [&] { data_->tell_states(); });
     return data_->states;
 }
 
-std::uint64_t LightField::emitters_state() const {
-    const Data& d = *data_;
-    ByteWriter w;
-    w(d.sky);
-    for (const Emitter& e : d.emitters.emitters) w(e.radiance);
-    for (const Material& m : d.world.materials) w(m.reflectance);
-    return hash_bytes(w.bytes).low;
+std::size_t LightField::light_parts() const {
+    return data_->emitters_part() + std::size_t{1};
 }
 
 std::uint64_t LightField::shining_faces() const {
     return data_->emitters.emitters.empty() ? 0 : hash_of(data_->emitters.of_face).low | 1;
 }
 
-bool LightField::Data::is_near(const SceneHit& hit) const {
+bool LightField::Data::is_near(const SceneHit& hit, Looked* looked) const {
     const ChartId chart = surfaces.faces[hit.face.at()].chart;
-    return chart.valid() && hit.distance < kNearLuxels * surfaces.charts[chart.at()].luxel_size;
+    if (!chart.valid() || hit.distance >= kNearLuxels * surfaces.charts[chart.at()].luxel_size) return false;
+    const std::uint32_t place = place_at(hit);
+    if (place >= place_even.size()) return false;
+    if (!(place_even[place] & kTold)) return true;
+    if (looked) looked->at(even_part(place));
+    return !(place_even[place] & kEvenLight);
+}
+
+// What a luxel and those around it agree on holds within it, too. Where none lies beside it along one of the axes, or one is of several pieces, nobody tells.
+void LightField::Data::tell_even_places() {
+    place_even.assign(surfaces.pieces.size(), 0);
+    const double floor = error_floor(LightOptions{}.error_floor, mean_irradiance(surfaces, lighting)), most = kEven * lighting.error.target / 100;
+    const auto own = [&](std::uint32_t t) { return texel_place[t] != FieldBundle::kBlack && lighting.patch_index[t] < kMixedPatch; };
+    for (const Luxel& l : surfaces.luxels) {
+        const Chart& c = surfaces.charts[l.chart.at()];
+        const std::uint32_t texel = texel_of(surfaces, l);
+        if (lighting.valid[texel] != 1 || !own(texel)) continue;
+        const Rgbd at = static_cast<Rgbd>(lighting.flat[texel]);
+        const double may = most * std::max(max_component(at), floor);
+        bool told = true, even = true;
+        std::array<bool, 2> beside{};
+        for (int dy = -1; dy <= 1; ++dy)
+            for (int dx = -1; dx <= 1; ++dx) {
+                const int x = l.x + dx, y = l.y + dy;
+                if (x < 0 || y < 0 || x >= static_cast<int>(c.width) || y >= static_cast<int>(c.height)) continue;
+                const std::uint32_t t = c.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
+                if (lighting.valid[t] != 1) continue;
+                told = told && own(t);
+                if (dx == 0 && dy != 0) beside[1] = true;
+                if (dy == 0 && dx != 0) beside[0] = true;
+                const Rgbd by = static_cast<Rgbd>(lighting.flat[t]) - at;
+                for (std::size_t a = 0; a < 3; ++a) even = even && std::abs(by[a]) <= may;
+            }
+        if (told && beside[0] && beside[1]) place_even[l.first_piece] = even ? kTold | kEvenLight : kTold;
+    }
 }
 
 std::uint32_t LightField::Data::emitter(const SceneHit& hit, Vec3 direction) const {
@@ -114,9 +133,6 @@ LightField::LightField(const World& world, const Bsp& bsp, const PlaneTable&, co
                        const std::vector<Light>& lights, const Lighting& lighting, const Visibility* seen)
     : data_(std::make_unique<Data>(world, bsp, surfaces, lights, lighting, seen)) {
     Data& d = *data_;
-    for (const Chart& c : surfaces.charts) d.near_reach = std::max(d.near_reach, kNearSteps * kNearLuxels * c.luxel_size);
-    for (const Vec3& p : surfaces.positions) // whatever is near a surface lies in there
-        for (const double side : {-d.near_reach, d.near_reach}) d.bounds.add(p + Vec3{side, side, side});
     // Of a luxel that was baked and belongs to one patch its own light, else that of its patch.
     const auto of_patch = [&](std::uint32_t p) {
         return p == kNoPatch ? Rgb{} : (lighting.radiosity[p] - lighting.patches[p].emission) * static_cast<float>(1 / kPi);
@@ -132,6 +148,7 @@ LightField::LightField(const World& world, const Bsp& bsp, const PlaneTable&, co
         const Rgbd light = static_cast<Rgbd>(lighting.patches[patch].reflectance) * static_cast<Rgbd>(lighting.flat[texel]) * (1 / kPi);
         for (std::uint32_t k = 0; k < l.piece_count; ++k) d.place_reflected[l.first_piece + k] = static_cast<Rgb>(light);
     }
+    if (!lighting.flat.empty()) d.tell_even_places(); // else nothing is baked
 }
 LightField::~LightField() = default;
 
@@ -200,7 +217,6 @@ struct Ways { // of a bundle
 FieldBundle LightField::bundle(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, Looked* looked) const {
     const Data& d = *data_;
     const Vec3 x = d.origin_at(point, normal);
-    std::optional<NearLights> lights_near; // of x, where a hit asks for them
     PathTracer tracer{d};
     tracer.looked = looked;
     if (looked) looked->begin(d.part_count());
@@ -217,14 +233,11 @@ FieldBundle LightField::bundle(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         Rgbd sum, through{1, 1, 1};
         bool plain = true;
         const auto meet = [&](const SceneHit& hit, Rgbd share, Random& random) {
-            if (!d.is_near(hit)) {
+            if (!d.is_near(hit, looked)) {
                 out.terms.push_back({d.place_at(hit), static_cast<Rgb>(share)});
                 return;
             }
-            if (!lights_near) {
-                lights_near.emplace(d, x), tracer.near = &*lights_near;
-                if (looked) looked->at(d.lights_part(x)), looked->at(d.emitters_part());
-            }
+            if (looked) looked->at(d.emitters_part());
             PathTracer::End end;
             sum += share * tracer.reflected(hit, way, random, &end);
             if (end.place != FieldBundle::kBlack) out.terms.push_back({end.place, static_cast<Rgb>(share * end.share)});

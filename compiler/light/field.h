@@ -149,7 +149,7 @@ public:
     // Hashes of the parts of the field: where those that a bundle looked at are what they were in a field of the same geometry with the same
     // faces that shine, the bundle is what it was.
     const std::vector<std::uint64_t>& part_states() const;
-    std::uint64_t emitters_state() const; // of the sky, what shines and what materials reflect
+    std::size_t light_parts() const; // the first so many are of light itself; the last of them is of the sky, what shines and what materials reflect
     std::uint64_t shining_faces() const;  // a hash of which do; 0: none
     // Radiance leaving what a ray sees: emission + reflectance/pi * lightmap irradiance, or the sky. For probes.
     // What stands behind panes is seen through them. `width`: of the cone that the ray stands for, a unit of way.

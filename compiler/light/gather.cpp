@@ -101,27 +101,19 @@ void Bake::patch_guide(std::uint32_t p, Guide* guide) const {
     guide->build();
 }
 
-// Irradiance that the listed lights of a patch bring to a place near it: one of them, drawn by what the lights bring to the luxels of the patch, in part by
-// what they could bring there. By that alone a wall of light just around the corner was drawn for a sun that made all the light, and the sun, when it was drawn, stood for twenty.
+// Irradiance that the listed lights of a patch bring to a place near it, from one of them.
 Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const {
     constexpr double kHiddenShare = 1.0 / 16; // no test ray of the patch saw it
-    constexpr double kKnownShare = 0.75;
     const std::vector<LightRef>& list = lists_[patch];
     thread_local Choice choice;
-    thread_local std::vector<double> could;
-    choice.clear(), could.clear();
-    double could_bring = 0, brought = 0;
+    thread_local std::vector<double> could, brought;
+    could.clear(), brought.clear();
     for (std::size_t k = 0; k < list.size(); ++k) {
         const LightRef& r = list[k];
         const double most = r.is_emitter ? kPi * mean(emitters_.emitters[r.light].radiance) * emitters_.bound(r.light, x, normal) : light_bound(lights_[r.light], x, 0);
-        could.push_back(most * (r.hidden ? kHiddenShare : 1));
-        could_bring += could[k];
-        if (could[k] > 0) brought += static_cast<double>(brought_[patch][k]);
+        could.push_back(most * (r.hidden ? kHiddenShare : 1)), brought.push_back(static_cast<double>(brought_[patch][k]));
     }
-    for (std::size_t k = 0; k < list.size(); ++k) {
-        const double by_bound = could_bring > 0 ? could[k] / could_bring : 0;
-        choice.add(brought > 0 && could[k] > 0 ? (1 - kKnownShare) * by_bound + kKnownShare * static_cast<double>(brought_[patch][k]) / brought : by_bound);
-    }
+    choose_by_light(brought, could, &choice);
     if (!(choice.total() > 0)) return {};
     const std::uint32_t at = choice.pick(random());
     const double scale = choice.total() / choice.weight(at);

@@ -50,21 +50,22 @@ template <class Ok> bool each_place(std::span<const std::uint8_t> bundle, const 
 } // namespace
 
 KeptRest::KeptRest(const LightField& field, Memo* memo) : field_(field), memo_(memo) {
-    if (memo) shining_ = field.shining_faces(), emitters_ = field.emitters_state(), states_ = field.part_states(), note_changes();
+    if (memo) shining_ = field.shining_faces(), states_ = field.part_states(), emitters_ = states_[field.light_parts() - 1], note_changes();
 }
 
 void KeptRest::note_changes() {
-    const std::uint64_t key = mix(kStates, shining_), now = hash_of(states_).low;
+    const std::vector<std::uint64_t> light(states_.begin(), states_.begin() + static_cast<std::ptrdiff_t>(field_.light_parts()));
+    const std::uint64_t key = mix(kStates, shining_), now = hash_of(light).low;
     KeptStates before;
     if (const auto bytes = memo_->find(key, {})) before = from_bytes<KeptStates>(*bytes);
-    if (before.states.size() != states_.size() || before.since.size() != states_.size() || before.lights.size() >= kMostLights) before = {states_, {}, std::vector<std::uint32_t>(states_.size())};
+    if (before.states.size() != light.size() || before.since.size() != light.size() || before.lights.size() >= kMostLights) before = {light, {}, std::vector<std::uint32_t>(light.size())};
     lights_ = std::move(before.lights), since_ = std::move(before.since);
     if (!lights_.empty() && lights_.back() == now) return;
     const auto run = static_cast<std::uint32_t>(lights_.size());
     lights_.push_back(now);
-    for (std::size_t i = 0; i < states_.size(); ++i)
-        if (states_[i] != before.states[i]) since_[i] = run;
-    memo_->keep(key, {}, {}, to_bytes(KeptStates{states_, lights_, since_}));
+    for (std::size_t i = 0; i < light.size(); ++i)
+        if (light[i] != before.states[i]) since_[i] = run;
+    memo_->keep(key, {}, {}, to_bytes(KeptStates{light, lights_, since_}));
 }
 
 bool KeptRest::unchanged(std::span<const std::uint8_t> bundle, std::uint64_t light) const {

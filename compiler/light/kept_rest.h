@@ -32,7 +32,7 @@ private:
     Memo* memo_;
     std::uint64_t shining_ = 0, emitters_ = 0;
     std::vector<std::uint64_t> states_;
-    // The lights of all runs, each a hash of all states; per state, from which of them on it has been what it is.
+    // The lights of all runs, each a hash of all states of light; per state, from which of them on it has been what it is.
     std::vector<std::uint64_t> lights_;
     std::vector<std::uint32_t> since_;
 };

@@ -47,6 +47,13 @@ struct ErrorReport {                                    // percent, rRMSE of dis
     }
 };
 
+// A light entity and the irradiance that it brings to the luxels of a patch, in the mean.
+struct LightBrings {
+    static constexpr bool kRawBytes = true;
+    std::uint32_t light = 0;
+    float irradiance = 0; // mean of the channels
+};
+
 struct Visibility;
 struct LightMemo; // of an earlier bake of the same geometry (memo.h): taken over where it holds, and replaced by this one's
 
@@ -57,6 +64,9 @@ struct Lighting {
     // Patch lookup (patches.h): per texel, UINT32_MAX none, UINT32_MAX - 1 several: then by piece; faces without a
     // chart have one patch or none.
     std::vector<std::uint32_t> patch_index, piece_patch, face_patch;
+    // Per patch with luxels the entities that light any of them, ascending: from the first of `brought` on, and one more. Empty: not known.
+    std::vector<std::uint32_t> first_brought;
+    std::vector<LightBrings> brought;
     std::vector<Rgb> flat;           // per texel: irradiance for the flat (shading) normal; gutter filled
     std::vector<std::uint8_t> valid; // per texel: 0 outside any face, 1 baked, 2 filled from neighbours
     std::vector<std::uint8_t> chart_directional; // per chart
@@ -68,7 +78,7 @@ struct Lighting {
     std::uint32_t iterations = 0;
     std::uint32_t gather_rays = 0; // per luxel, mean
     template <class A> void fields(A& a) {
-        a(encoding, patches, radiosity, patch_index, piece_patch, face_patch, flat, valid, chart_directional,
+        a(encoding, patches, radiosity, patch_index, piece_patch, face_patch, first_brought, brought, flat, valid, chart_directional,
           rnm_first, rnm, texel_error, error, rays, escaped_rays, back_face_rays, iterations, gather_rays);
     }
 };

@@ -7,21 +7,10 @@
 
 namespace kiln {
 
-// The light entities for the surfaces around one point: those it sees are likely to shine there, all of them are asked; of
-// the others one, drawn by what it could bring. Asking all of a hundred lamps for a shadow ray at each vertex made up
-// three quarters of the time of ambient cubes.
-struct NearLights {
-    Vec3 point;
-    std::vector<std::uint32_t> seen, others;
-    Choice choice; // of others
-    NearLights(const LightField::Data& d, Vec3 x);
-};
-
 struct PathTracer {
     const LightField::Data& d;
     std::uint64_t* rays = nullptr; // counts them, where it is given
-    const NearLights* near = nullptr; // none: every light is asked
-    Looked* looked = nullptr;         // notes what emitters are chosen by, with an end
+    Looked* looked = nullptr;      // notes what paths with an end depend on
 
     void count() const {
         if (rays) ++*rays;
@@ -62,24 +51,14 @@ struct PathTracer {
         if (!(max_component(through) > 0)) return {};
         return through * (s.weight * dot(s.direction, n) + s.ambient);
     }
-    Rgbd entities(Vec3 x, Vec3 n, Random& random) const {
-        Rgbd e;
-        if (!near) {
-            for (const Light& light : d.lights) e += entity(light, x, n, random);
-            return e;
-        }
-        for (const std::uint32_t i : near->seen) e += entity(d.lights[i], x, n, random);
-        if (near->others.empty()) return e;
-        const Choice& choice = near->choice;
-        const std::uint32_t at = choice.pick(random());
-        return e + entity(d.lights[near->others[at]], x, n, random) * (choice.total() / choice.weight(at));
-    }
+    // From those that light a patch close by; kNoPatch: from all.
+    Rgbd entities(std::uint32_t patch, Vec3 x, Vec3 n, Random& random) const;
     // Radiance that a bundle of the given density (of solid angle) meets in the direction `way` from x; what shines is weighted
     // against the explicit samples of `choice` by the balance heuristic.
     // Every pane on the way gives its share.
     Rgbd met(const Choice& choice, Vec3 x, Vec3 way, double density, Random& random) const;
     // Radiance reflected at `hit` towards where the ray came from. With `end`: a vertex further than a luxel or two
-    // from the one before, or than near_reach from the point of `near`, takes what the bake stored there, and the path ends. That is left out of the radiance.
+    // from the one before, or where light is even, takes what the bake stored there, and the path ends. That is left out of the radiance.
     struct End {
         std::uint32_t place = FieldBundle::kBlack; // none
         Rgbd share;

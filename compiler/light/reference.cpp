@@ -10,14 +10,23 @@ constexpr HemisphereMap kFirstMap{0.6};
 constexpr int kRouletteFrom = 3, kMostBounces = 4096;
 } // namespace
 
-NearLights::NearLights(const LightField::Data& d, Vec3 x) : point(x) {
-    d.sight.each_light(d.sight.at(x, d.near_reach), [&](std::uint32_t i) {
-        const Light& light = d.lights[i]; // of a sky the bound is nothing, of a sun it is the same everywhere
-        const double bound = light_bound(light, x, std::min(d.near_reach, length(light.position - x) - 1));
-        if (!(bound > 0)) return;
-        if (sees(d.scene, x, light)) seen.push_back(i);
-        else others.push_back(i), choice.add(bound);
-    });
+// With what lights the patch: one of them. Those that bring its luxels nothing bring nothing close by.
+Rgbd PathTracer::entities(std::uint32_t patch, Vec3 x, Vec3 n, Random& random) const {
+    Rgbd e;
+    if (patch == kNoPatch || d.lighting.first_brought.empty()) {
+        for (const Light& light : d.lights) e += entity(light, x, n, random);
+        return e;
+    }
+    if (looked) looked->at(d.entities_part(patch));
+    const std::span<const LightBrings> list = d.entities_of(patch);
+    thread_local Choice choice;
+    thread_local std::vector<double> could, brought;
+    could.clear(), brought.clear();
+    for (const LightBrings& b : list) could.push_back(light_bound(d.lights[b.light], x, 0)), brought.push_back(static_cast<double>(b.irradiance));
+    choose_by_light(brought, could, &choice);
+    if (!(choice.total() > 0)) return e;
+    const std::uint32_t at = choice.pick(random());
+    return entity(d.lights[list[at].light], x, n, random) * (choice.total() / choice.weight(at));
 }
 
 Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, End* end) const {
@@ -27,7 +36,7 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, End* end) co
         const Face& face = d.surfaces.faces[hit.face.at()];
         if (!face.drawn || face.sky) break;
         const std::uint32_t place = end ? d.place_at(hit) : FieldBundle::kBlack;
-        if (end && (bounce >= kNearBounces || !d.is_near(hit) || (near && length(hit.position - near->point) > d.near_reach))) {
+        if (end && (bounce >= kNearBounces || !d.is_near(hit, looked))) {
             *end = {place, throughput};
             break;
         }
@@ -43,8 +52,8 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, End* end) co
         Vec3 n = face.normal;
         if (dot(n, came) > 0) n = -n; // the back of a two-sided face
         const Vec3 x = hit.position + n * d.scene.push_off();
-        sum += throughput * entities(x, n, random) * (1 / kPi);
-        if (looked && end && !d.emitters.emitters.empty() && place != FieldBundle::kBlack) looked->at(place);
+        sum += throughput * entities(end ? d.lighting.piece_patch[place] : kNoPatch, x, n, random) * (1 / kPi);
+        if (looked && end && !d.emitters.emitters.empty()) looked->at(place);
         // Close by, what does not stand out makes no noise, nor does the sky: it is left to the path.
         const double least = end ? 1.5 * mean(d.reflected(place)) / std::max(mean(rho), 1e-3) : 0;
         choice.build(d.emitters, x, n, [&](const Emitter& e) { return !end || (!e.sky && mean(e.radiance) > least); });
