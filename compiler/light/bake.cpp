@@ -21,6 +21,10 @@ constexpr std::uint64_t kRounding = 7;                     // pass of seed_at
 constexpr std::size_t kChunk = 1024;                       // patches or luxels, of a few instructions each
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
+double read_step_of(double error_percent) {
+    return std::exp2(std::floor(std::log2(kReadStep * error_percent / 100)));
+}
+
 Quality Quality::of(const LightOptions& options) {
     Quality q;
     const double e = std::clamp(options.error_percent, 0.1, 50.0);
@@ -29,7 +33,7 @@ Quality Quality::of(const LightOptions& options) {
     q.light_cutoff = 0.001 * e;
     q.direct_samples = e <= 1.5 ? 32 : e <= 2.5 ? 16 : e <= 6 ? 8 : e <= 12 ? 4 : 2;
     q.row_rays = e <= 1 ? 1024 : e <= 2.5 ? 512 : e < 4 ? 256 : 128; // they are the guides of the gather as well
-    q.read_step = std::exp2(std::floor(std::log2(kReadStep * options.error_percent / 100)));
+    q.read_step = read_step_of(options.error_percent);
     q.iteration = std::min(1e-3, e * 1e-4) * std::clamp(options.error_floor / LightOptions{}.error_floor, 1e-9, 1.0); // of the mean light, for what is as dark as the floor
     q.first_rays = e >= 15 ? 8 : e >= 4 ? 16 : 32;
     return q;
@@ -389,14 +393,12 @@ void Bake::make_patches() {
     rays_.assign(n, quality_.first_rays);
 }
 
-// A lamp changed in one room changes the last digits of the light of every other. What rays read is rounded, up or down by the place, so that means do not
-// change: it is mostly the same where nothing much happened, and what was gathered of it can be taken over.
-Rgbd Bake::rounded(Rgbd light, double up) const {
+Rgbd rounded_as_read(Rgbd light, double step_share, double floor, double up) {
     for (std::size_t c = 0; c < 3; ++c) { // each by itself, as errors are measured
-        const double scale = std::max(light[c], floor_);
+        const double scale = std::max(light[c], floor);
         if (!(scale > 0)) continue;
         const double power = std::bit_cast<double>(std::bit_cast<std::uint64_t>(scale) & 0x7FF0000000000000u); // of two, the greatest in it
-        const double step = power * quality_.read_step;
+        const double step = power * step_share;
         if (!(step > 0)) continue; // next to nothing
         light[c] = std::floor(light[c] / step + up) * step;
     }

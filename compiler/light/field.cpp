@@ -83,9 +83,8 @@ bool LightField::Data::is_near(const SceneHit& hit, Looked* looked) const {
 }
 
 // What a luxel and those around it agree on holds within it, too. Where none lies beside it along one of the axes, or one is of several pieces, nobody tells.
-void LightField::Data::tell_even_places() {
-    place_even.assign(surfaces.pieces.size(), 0);
-    const double floor = error_floor(LightOptions{}.error_floor, mean_irradiance(surfaces, lighting)), most = kEven * lighting.error.target / 100;
+void LightField::Data::tell_even_places(double floor) {
+    const double most = kEven * lighting.error.target / 100;
     const auto own = [&](std::uint32_t t) { return texel_place[t] != FieldBundle::kBlack && lighting.patch_index[t] < kMixedPatch; };
     for (const Luxel& l : surfaces.luxels) {
         const Chart& c = surfaces.charts[l.chart.at()];
@@ -148,7 +147,12 @@ LightField::LightField(const World& world, const Bsp& bsp, const PlaneTable&, co
         const Rgbd light = static_cast<Rgbd>(lighting.patches[patch].reflectance) * static_cast<Rgbd>(lighting.flat[texel]) * (1 / kPi);
         for (std::uint32_t k = 0; k < l.piece_count; ++k) d.place_reflected[l.first_piece + k] = static_cast<Rgb>(light);
     }
-    if (!lighting.flat.empty()) d.tell_even_places(); // else nothing is baked
+    d.place_even.assign(surfaces.pieces.size(), 0);
+    if (lighting.flat.empty()) return; // nothing is baked
+    const double floor = error_floor(LightOptions{}.error_floor, mean_irradiance(surfaces, lighting)), step = read_step_of(lighting.error.target);
+    d.tell_even_places(floor);
+    for (std::uint32_t place = 0; place < d.place_reflected.size(); ++place)
+        d.place_reflected[place] = static_cast<Rgb>(rounded_as_read(static_cast<Rgbd>(d.place_reflected[place]), step, floor / kPi, Random(mix(std::uint64_t{place}, std::uint64_t{27}))()));
 }
 LightField::~LightField() = default;
 

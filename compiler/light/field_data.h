@@ -24,7 +24,7 @@ struct LightField::Data {
     // Do luxels around a piece's tell whether light is even there, and is it?
     static constexpr std::uint8_t kTold = 1, kEvenLight = 2;
     std::vector<std::uint8_t> place_even; // by pieces
-    void tell_even_places();
+    void tell_even_places(double floor);
     std::vector<Rgb> place_reflected; // radiance, by places: pieces of luxels, then faces (which answer where there is no chart)
     // Parts to look at: places; all that shines or reflects; of each piece whether light is even there; of each patch the entities that light it.
     std::once_flag states_told;
