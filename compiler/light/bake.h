@@ -209,7 +209,7 @@ private:
     void note_reflected(std::uint32_t patch);
     void note_solution();
     void note_states();
-    std::uint64_t hash_of_ref(const LightRef& ref) const;
+    std::uint64_t hash_of_ref(const LightRef& ref, bool bright = true) const; // bright: with how bright it is
     void luxel_direct_of(std::uint32_t patch, std::uint64_t pass, std::vector<std::uint8_t>* divided, std::uint64_t* rays);
     std::uint64_t gather_key(std::uint32_t patch) const;
     // rows.cpp
@@ -257,6 +257,8 @@ private:
     };
     // Adds what a light of the patch's list brings. `closely`: rays decide, whatever the test rays of the patch said; else it is told whether those were wrong about a receiver.
     bool direct_from(const LightRef& ref, std::uint32_t patch, std::span<Receiver> receivers, bool closely, std::uint64_t* rays) const;
+    // How bright it is: direct_from asks for the light of a light of brightness 1, which is kept where only that changes.
+    Rgbd brightness(const LightRef& ref) const { return ref.is_emitter ? emitters_.emitters[ref.light].radiance : static_cast<Rgbd>(lights_[ref.light].intensity); }
     KernelSum direct_at(std::uint32_t patch, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely = false) const;
     double threshold(std::uint32_t patch,
                      std::uint32_t emitter) const; // form factor from which on it is worth rays of its own
@@ -415,7 +417,7 @@ private:
     // With a memo: that of the patches as they are, what every key begins with, and what a place's light is a function of.
     Hash table_, larger_table_;
     std::uint64_t geometry_ = 0, base_ = 0, pilots_ = 0;                // base_: with the sky
-    std::vector<std::uint64_t> light_ids_;                              // per entity: of all that makes its light
+    std::vector<std::uint64_t> light_ids_, light_shapes_;               // per entity: of all that makes its light; but for its intensity
     std::vector<std::uint64_t> reflects_, reflects_coarse_, guides_;    // per patch, from the last solution
     std::vector<std::uint64_t> gathered_hash_;                          // per patch: of what its luxels gathered
     std::vector<std::uint64_t> emitters_hash_;                          // of the emitters in its list

@@ -15,18 +15,29 @@ constexpr std::uint32_t kLeastTests = 4; // rays that have to say so
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
 constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
 constexpr double kAlike = 0.35;         // error targets by which what panes let through may differ over a luxel without a closer look
+constexpr std::uint64_t kTestsOfPatch = 4; // what a key is for, beside the tables of geometry (relight.cpp)
 constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a light in full view is evaluated
 double square(double x) {
     return x * x;
 }
-// What a memo keeps of the lights of a patch, as Bake::choose_lights finds them; entities: by rank.
-struct PatchLights {
-    std::vector<LightRef> emitters, entities;
-    std::vector<std::uint32_t> behind;
-    std::uint64_t rays = 0;
-    template <class A> void fields(A& a) { a(emitters, entities, behind, rays); }
+// What test rays from a patch to an entity of intensity 1 tell.
+struct EntityTest {
+    static constexpr bool kRawBytes = true;
+    std::uint64_t of = 0; // all that they depend on, but for the patch
+    float brought = 0;
+    std::uint16_t seen = 0, tested = 0;
+    std::uint32_t filtered = 0, edge = 0; // some came through a pane; places lie beyond its reach
 };
-// What a memo keeps of the luxels of a patch, light by light; of a light that no luxel has anything of: nothing.
+// What a memo keeps of the lights of a patch, as Bake::choose_lights finds them.
+struct PatchLights {
+    std::uint64_t of = 0; // what its emitters were chosen by
+    std::vector<LightRef> emitters;
+    std::vector<std::uint32_t> behind;
+    std::uint64_t rays = 0; // to emitters
+    std::vector<EntityTest> tests;
+    template <class A> void fields(A& a) { a(of, emitters, behind, rays, tests); }
+};
+// What a memo keeps of the luxels of a patch, light by light, of brightness 1; of a light that no luxel has anything of: nothing.
 struct LuxelDirect {
     static constexpr bool kRawBytes = true;
     StoredSum sum;
@@ -117,6 +128,31 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     clusters_.assign(n, {});
     std::uint64_t radiances = 0; // of all emitters
     for (const Emitter& e : emitters_.emitters) radiances = mix(radiances, hash_of(e.radiance).low);
+    const auto test_entity = [&](Light light, const Footprint& footprint, const Sobol& points, double radius, std::uint32_t tests, bool closely) {
+        // Places that it does not reach (beyond its cone, say) cost no ray; where it reaches some and some not, its edge runs through.
+        light.intensity = {1, 1, 1};
+        EntityTest test;
+        const std::uint32_t places = std::max(tests, quality_.visibility_rays);
+        double brought = 0;
+        for (std::uint32_t k = 0; k < places && test.tested < tests; ++k) {
+            if (k == 4 && test.tested == 4 && test.seen == 0 && !closely) break;
+            const Footprint::Point at = footprint.sample(points.pair(k, 0));
+            const Vec3 x = at.position + at.normal * scene_.push_off();
+            LightSample s;
+            if (!sample_light(light, x, at.normal, points.pair(k, 2), &s)) {
+                test.edge = 1;
+                continue;
+            }
+            ++test.tested;
+            const Transmitted through = scene_.transmitted(ray_to(s, x, radius / std::sqrt(1.0 * tests), at.normal, part_of_disc(light, tests)));
+            if (through.blocked) continue;
+            if (through.share != Rgbd{1, 1, 1}) test.filtered = 1;
+            ++test.seen;
+            brought += mean(through.share) * (mean(s.weight) * dot(s.direction, at.normal) + mean(s.ambient));
+        }
+        test.brought = static_cast<float>(brought);
+        return test;
+    };
     constexpr std::size_t kChunk = 32;
     parallel_chunks(context_, "light: visible lights", n, kChunk, [&](std::size_t begin, std::size_t end) {
         std::uint64_t rays = 0;
@@ -137,114 +173,97 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             std::ranges::sort(strong, [](const auto& x, const auto& y) {
                 return x.first != y.first ? x.first > y.first : x.second < y.second;
             });
-            std::uint64_t key = 0;
-            if (memo_) {
-                key = mix(base_, table_.low, p, radiances, std::bit_cast<std::uint64_t>(estimate_[p]), std::bit_cast<std::uint64_t>(floor_));
-                for (const auto& [bright, i] : strong) key = mix(key, light_ids_[i]);
-                if (const auto kept = memo_->lights.find(key, {})) {
-                    const PatchLights found = from_bytes<PatchLights>(*kept);
-                    emitters[p] = found.emitters, entities[p] = found.entities, behind_[p] = found.behind, rays += found.rays;
-                    for (LightRef& r : entities[p]) r.light = strong[r.light].second;
-                    std::ranges::sort(entities[p], {}, &LightRef::light);
-                    continue;
-                }
-            }
-            const std::uint64_t rays_before = rays;
-            const Footprint footprint = footprint_of_patch(p);
-            if (footprint.empty()) continue;
+            const std::uint64_t key = memo_ ? mix(base_, table_.low, p, kTestsOfPatch) : 0;
+            PatchLights kept, now{mix(radiances, std::bit_cast<std::uint64_t>(estimate_[p]), std::bit_cast<std::uint64_t>(floor_)), {}, {}, 0, {}};
+            std::optional<Footprint> made; // when it is asked for
+            const auto footprint = [&]() -> const Footprint& { return made ? *made : made.emplace(footprint_of_patch(p)); };
+            if (const auto bytes = memo_ ? memo_->lights.find(key, {}) : std::nullopt) kept = from_bytes<PatchLights>(*bytes);
+            else if (footprint().empty()) continue;
             const Sobol points(seed_at(patch.centroid, 2));
             // Test rays: two for each luxel where much is at stake, so that no thin shadow falls between. For an entity where little is, no closer
             // together on a patch of few luxels than on others.
             const std::uint32_t luxels = patch_luxel_first_[p + 1] - patch_luxel_first_[p];
             const auto thorough = [&](std::uint32_t least) { return std::clamp(2 * luxels, least, 4 * quality_.visibility_rays); };
             const std::uint32_t few = luxels ? std::clamp(std::bit_ceil(2 * luxels), 4u, quality_.visibility_rays) : quality_.visibility_rays;
-            // What the bundle of the row has met is visible.
-            std::fill(met.begin(), met.end(), 0);
-            for (std::uint32_t i = 0; i < quality_.row_rays; ++i) {
-                const std::uint32_t hit = hits_[static_cast<std::size_t>(p) * quality_.row_rays + i];
-                if (hit == kHitPanes) {
-                    for (const PaneRays::Met& m : pane_rays_.of(static_cast<std::size_t>(p) * quality_.row_rays + i))
-                        if (const std::uint32_t k = emitter_of(m.code); k != UINT32_MAX) met[k] = 1;
-                    continue;
+            if (kept.of == now.of) {
+                now.emitters = kept.emitters, now.behind = kept.behind, now.rays = kept.rays;
+            } else {
+                // What the bundle of the row has met is visible.
+                std::fill(met.begin(), met.end(), 0);
+                for (std::uint32_t i = 0; i < quality_.row_rays; ++i) {
+                    const std::uint32_t hit = hits_[static_cast<std::size_t>(p) * quality_.row_rays + i];
+                    if (hit == kHitPanes) {
+                        for (const PaneRays::Met& m : pane_rays_.of(static_cast<std::size_t>(p) * quality_.row_rays + i))
+                            if (const std::uint32_t k = emitter_of(m.code); k != UINT32_MAX) met[k] = 1;
+                        continue;
+                    }
+                    if (const std::uint32_t k = emitter_of(hit); k != UINT32_MAX) met[k] = 1;
                 }
-                if (const std::uint32_t k = emitter_of(hit); k != UINT32_MAX) met[k] = 1;
+                sight_.each_emitter(clusters_[p], [&](std::uint32_t i) {
+                    const Emitter& emitter = emitters_.emitters[i];
+                    const double least = threshold(p, i), most = least < kNever ? form_factor_bound(p, i) : 0;
+                    if (most < least) return;
+                    std::uint32_t seen = 0, tested = 0, tried = 0;
+                    bool filtered = false;
+                    double factor = 0, in_full_view = 0, in_view = 0;
+                    const std::uint32_t tests = most > 400 * least ? thorough(quality_.visibility_rays) : quality_.visibility_rays;
+                    const std::uint32_t early = most > 400 * least || most >= 4 * kLarge ? tests : 4;
+                    for (std::uint32_t k = 0; k < tests; ++k) {
+                        if (k >= early && seen == 0) break;
+                        ++tried;
+                        const Footprint::Point at = footprint().sample(points.pair(k, 0));
+                        const Vec3 x = at.position + at.normal * scene_.push_off();
+                        const Vec3 y = emitters_.point_on(i, points.pair(k, 2)) + emitter.normal * scene_.push_off();
+                        const Vec3 d = y - x;
+                        const double cx = dot(at.normal, d), cy = -dot(emitter.normal, d), r2 = dot(d, d);
+                        if (cx <= 0 || cy <= 0) continue; // says nothing about what stands between
+                        ++tested, ++now.rays;
+                        const double part = std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
+                        in_full_view += part;
+                        const Transmitted through = scene_.transmitted({x, y, false, {.start = radius / std::sqrt(1.0 * tests), .end = std::sqrt(emitter.area / tests), .start_normal = at.normal, .end_normal = emitter.normal}});
+                        if (through.blocked) continue;
+                        filtered |= through.share != Rgbd{1, 1, 1};
+                        ++seen;
+                        in_view += part, factor += mean(through.share) * part;
+                    }
+                    if (tested >= kLeastTests && in_full_view >= kLarge * tried && in_view <= (1 - kHidden) * in_full_view) {
+                        now.behind.push_back(i);
+                        return;
+                    }
+                    if (!seen && !met[i]) return;
+                    if (seen && !met[i] && factor / tested < least) return;
+                    const double share = kPi * mean(emitter.radiance) * most / 4 / e;
+                    now.emitters.push_back({i, true, seen != tested, false, penumbra_samples(share), filtered});
+                });
             }
-            sight_.each_emitter(clusters_[p], [&](std::uint32_t i) {
-                const Emitter& emitter = emitters_.emitters[i];
-                const double least = threshold(p, i), most = least < kNever ? form_factor_bound(p, i) : 0;
-                if (most < least) return;
-                std::uint32_t seen = 0, tested = 0, tried = 0;
-                bool filtered = false;
-                double factor = 0, in_full_view = 0, in_view = 0;
-                const std::uint32_t tests = most > 400 * least ? thorough(quality_.visibility_rays) : quality_.visibility_rays;
-                const std::uint32_t early = most > 400 * least || most >= 4 * kLarge ? tests : 4;
-                for (std::uint32_t k = 0; k < tests; ++k) {
-                    if (k >= early && seen == 0) break;
-                    ++tried;
-                    const Footprint::Point at = footprint.sample(points.pair(k, 0));
-                    const Vec3 x = at.position + at.normal * scene_.push_off();
-                    const Vec3 y = emitters_.point_on(i, points.pair(k, 2)) + emitter.normal * scene_.push_off();
-                    const Vec3 d = y - x;
-                    const double cx = dot(at.normal, d), cy = -dot(emitter.normal, d), r2 = dot(d, d);
-                    if (cx <= 0 || cy <= 0) continue; // says nothing about what stands between
-                    ++tested, ++rays;
-                    const double part = std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
-                    in_full_view += part;
-                    const Transmitted through = scene_.transmitted({x, y, false, {.start = radius / std::sqrt(1.0 * tests), .end = std::sqrt(emitter.area / tests), .start_normal = at.normal, .end_normal = emitter.normal}});
-                    if (through.blocked) continue;
-                    filtered |= through.share != Rgbd{1, 1, 1};
-                    ++seen;
-                    in_view += part, factor += mean(through.share) * part;
-                }
-                if (tested >= kLeastTests && in_full_view >= kLarge * tried && in_view <= (1 - kHidden) * in_full_view) {
-                    behind_[p].push_back(i);
-                    return;
-                }
-                if (!seen && !met[i]) return;
-                if (seen && !met[i] && factor / tested < least) return;
-                const double share = kPi * mean(emitter.radiance) * most / 4 / e;
-                emitters[p].push_back({i, true, seen != tested, false, penumbra_samples(share), filtered});
-            });
+            emitters[p] = now.emitters, behind_[p] = now.behind, rays += now.rays;
             // Entities, until all that are left together cannot matter beside what has been found.
             double found = std::max(estimate_[p], floor_);
+            bool all_kept = kept.of == now.of;
+            std::size_t hint = 0; // in `kept`
             for (const auto& [bright, i] : strong) {
                 if (left <= quality_.light_cutoff * found) break;
                 left -= bright;
-                const Light& light = lights_[i];
-                std::uint32_t seen = 0, tested = 0;
-                bool filtered = false, edge = false;
-                double brought = 0;
-                // Places that it does not reach (beyond its cone, say) cost no ray; where it reaches some and some not, its edge runs through.
                 const bool closely = bright > kStrong * found;
-                const std::uint32_t tests = closely ? thorough(std::max(few, 8u)) : few;
-                const std::uint32_t places = std::max(tests, quality_.visibility_rays);
-                for (std::uint32_t k = 0; k < places && tested < tests; ++k) {
-                    if (k == 4 && tested == 4 && seen == 0 && !closely) break;
-                    const Footprint::Point at = footprint.sample(points.pair(k, 0));
-                    const Vec3 x = at.position + at.normal * scene_.push_off();
-                    LightSample s;
-                    if (!sample_light(light, x, at.normal, points.pair(k, 2), &s)) {
-                        edge = true;
-                        continue;
-                    }
-                    ++tested, ++rays;
-                    const Transmitted through = scene_.transmitted(ray_to(s, x, radius / std::sqrt(1.0 * tests), at.normal, part_of_disc(light, tests)));
-                    if (through.blocked) continue;
-                    filtered |= through.share != Rgbd{1, 1, 1};
-                    ++seen;
-                    brought += mean(through.share) * (mean(s.weight) * dot(s.direction, at.normal) + mean(s.ambient));
+                const std::uint64_t of = memo_ ? mix(light_shapes_[i], static_cast<std::uint64_t>(closely)) : 0;
+                std::size_t at = 0;
+                while (at < kept.tests.size() && kept.tests[(hint + at) % kept.tests.size()].of != of) ++at;
+                if (at < kept.tests.size()) {
+                    hint += at;
+                    now.tests.push_back(kept.tests[hint++ % kept.tests.size()]);
+                } else {
+                    all_kept = false;
+                    now.tests.push_back(test_entity(lights_[i], footprint(), points, radius, closely ? thorough(std::max(few, 8u)) : few, closely));
+                    now.tests.back().of = of;
                 }
-                if (!tested) continue;
-                found += brought / tested;
+                const EntityTest& test = now.tests.back();
+                rays += test.tested;
+                if (!test.tested) continue;
+                found += mean(static_cast<Rgbd>(lights_[i].intensity)) * static_cast<double>(test.brought) / test.tested;
                 entities[p].push_back(
-                    {i, false, (edge || seen != tested) && seen > 0, seen == 0, penumbra_samples(bright / found), filtered});
+                    {i, false, (test.edge || test.seen != test.tested) && test.seen > 0, test.seen == 0, penumbra_samples(bright / found), test.filtered != 0});
             }
-            if (memo_) {
-                PatchLights all{emitters[p], entities[p], behind_[p], rays - rays_before};
-                for (LightRef& r : all.entities) // by its rank: numbers in the file change
-                    r.light = static_cast<std::uint32_t>(std::ranges::find(strong, r.light, &std::pair<double, std::uint32_t>::second) - strong.begin());
-                memo_->lights.keep(key, {}, {}, to_bytes(all));
-            }
+            if (memo_ && !all_kept) memo_->lights.keep(key, {}, {}, to_bytes(now));
             std::ranges::sort(entities[p], {}, &LightRef::light);
         }
         shadow_rays_ += rays;
@@ -332,9 +351,11 @@ std::uint64_t Bake::stream_of(const LightRef& ref) const {
     return mix_place(light.direction + (light.kind == LightKind::sun ? Vec3{} : light.position - corner_), static_cast<std::uint64_t>(light.kind));
 }
 
-// Explicit light averaged over footprints. Places and points on the light share one sequence. Of all footprints rays are traced together.
+// Explicit light of brightness 1 averaged over footprints. Places and points on the light share one sequence. Of all footprints rays are traced together.
 bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Receiver> receivers, bool closely, std::uint64_t* rays) const {
     using Point = Footprint::Point;
+    Light light;
+    if (!ref.is_emitter) light = lights_[ref.light], light.intensity = {1, 1, 1};
     const auto share = looks_many_ways(patch) ? EmitterSet::Share::solid : EmitterSet::Share::cosine;
     const auto lifted = [&](Point p) { return Point{p.position + p.normal * scene_.push_off(), p.normal}; };
     struct At { // a receiver
@@ -358,13 +379,12 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
             const Vec3 off = e.normal * scene_.push_off();
             const auto bring = [&](Vec3 y, Vec3 flux) {
                 const double solid = length(flux);
-                visit(LightRay{x, y + off, false, {.start = width, .end = std::sqrt(e.area / each), .start_normal = normal, .end_normal = e.normal}}, flux / solid, e.radiance * solid, Rgbd{});
+                visit(LightRay{x, y + off, false, {.start = width, .end = std::sqrt(e.area / each), .start_normal = normal, .end_normal = e.normal}}, flux / solid, Rgbd{solid, solid, solid}, Rgbd{});
             };
             if (few) emitters_.sample_few(ref.light, x, normal, index * each, each, points(index, 4), points, 2e-4, share, bring);
             else emitters_.sample(ref.light, x, normal, index * each, each, points, 2e-4, EmitterSet::Arrival::whole, share, bring);
             return;
         }
-        const Light& light = lights_[ref.light];
         // Of a sun in full view many points of its disc: where it grazes a surface one of them says little.
         const std::uint32_t many = !few && light.kind == LightKind::sun && light.angular_radius_rad > 0 ? each : 1;
         for (std::uint32_t k = 0; k < many; ++k) {
@@ -499,9 +519,13 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
 
 // All lights of the patch at one place near it.
 KernelSum Bake::direct_at(std::uint32_t patch, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely) const {
-    Receiver at{&footprint, &kernel, seed};
-    for (const LightRef& ref : lists_[patch]) direct_from(ref, patch, {&at, 1}, closely, rays);
-    return at.sum;
+    KernelSum all;
+    for (const LightRef& ref : lists_[patch]) {
+        Receiver at{&footprint, &kernel, seed};
+        direct_from(ref, patch, {&at, 1}, closely, rays);
+        all += at.sum *= brightness(ref);
+    }
+    return all;
 }
 
 // A light's part in a luxel depends on no other light: the memo has them one by one.
@@ -515,15 +539,20 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     PatchDirect kept, now;
     if (const auto bytes = memo_ && !luxels.empty() ? memo_->direct.find(key, {}) : std::nullopt) kept = from_bytes<PatchDirect>(*bytes);
     const auto take = [&](std::size_t r, const std::vector<LuxelDirect>& part, std::uint8_t is_divided, std::uint64_t traced) {
+        const Rgbd bright = brightness(list[r]);
         double brought = 0;
-        for (std::size_t i = 0; i < part.size(); ++i) direct_[luxels[i]] += part[i].sum.sum(), variances[i] += static_cast<double>(part[i].variance), brought += mean(static_cast<Rgbd>(part[i].sum.flat));
+        for (std::size_t i = 0; i < part.size(); ++i) {
+            KernelSum sum = part[i].sum.sum();
+            direct_[luxels[i]] += sum *= bright;
+            variances[i] += static_cast<double>(part[i].variance) * square(mean(bright)), brought += mean(sum.flat);
+        }
         if (!luxels.empty()) brought_[p][r] = static_cast<float>(brought / static_cast<double>(luxels.size()));
         (*divided)[r] = is_divided, *rays += traced;
     };
     const auto tell_variances = [&] {
         for (std::size_t i = 0; i < luxels.size(); ++i) direct_variance_[luxels[i]] = static_cast<float>(variances[i]);
     };
-    for (std::size_t r = 0; memo_ && r < list.size(); ++r) now.refs.push_back(hash_of_ref(list[r]));
+    for (std::size_t r = 0; memo_ && r < list.size(); ++r) now.refs.push_back(hash_of_ref(list[r], false));
     if (memo_ && !luxels.empty() && kept.refs == now.refs) {
         for (std::size_t r = 0; r < list.size(); ++r) take(r, kept.luxels[r], kept.divided[r], kept.rays[r]);
         return tell_variances();

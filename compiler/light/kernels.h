@@ -31,9 +31,10 @@ struct KernelSum {
         for (std::size_t i = 0; i < 3; ++i) rnm[i] += o.rnm[i];
         return *this;
     }
-    KernelSum& operator*=(double s) {
-        flat *= s;
-        for (Rgbd& r : rnm) r *= s;
+    KernelSum& operator*=(double s) { return *this *= Rgbd{s, s, s}; }
+    KernelSum& operator*=(Rgbd s) {
+        flat = flat * s;
+        for (Rgbd& r : rnm) r = r * s;
         return *this;
     }
 };

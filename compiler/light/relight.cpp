@@ -26,7 +26,11 @@ std::uint64_t light_id(Light light) {
 
 void Bake::open_memo() {
     for (Memo* memo : memo_->all()) memo->begin();
-    for (const Light& l : lights_) light_ids_.push_back(light_id(l));
+    for (Light l : lights_) {
+        light_ids_.push_back(light_id(l));
+        l.intensity = {1, 1, 1};
+        light_shapes_.push_back(light_id(l));
+    }
     ByteWriter w;
     w(options_, sealed_, scene_.instruction_set(), emitters_.of_face, surfaces_.pieces, surfaces_.luxels);
     for (const auto& cone : cones_) w(cone ? cone->cone_deg() : -1.0);
@@ -170,11 +174,11 @@ void Bake::note_solution() {
     });
 }
 
-std::uint64_t Bake::hash_of_ref(const LightRef& r) const {
+std::uint64_t Bake::hash_of_ref(const LightRef& r, bool bright) const {
     const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
     const std::uint64_t flags = static_cast<std::uint64_t>(r.is_emitter) | std::uint64_t{r.penumbra} << 1 | std::uint64_t{r.hidden} << 2 | std::uint64_t{r.filtered} << 3 | std::uint64_t{r.samples} << 8;
-    if (!r.is_emitter) return mix(flags, light_ids_[r.light]);
-    const Rgbd radiance = emitters_.emitters[r.light].radiance;
+    if (!r.is_emitter) return mix(flags, (bright ? light_ids_ : light_shapes_)[r.light]);
+    const Rgbd radiance = bright ? emitters_.emitters[r.light].radiance : Rgbd{};
     return mix(flags, r.light, bits(radiance.x), bits(radiance.y), bits(radiance.z));
 }
 
