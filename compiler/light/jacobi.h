@@ -1,5 +1,8 @@
-// H = direct + F rho H by Jacobi sweeps in double, in fixed order: the same for any number of threads. Private to light and
+// H = direct + F rho H by sweeps in double, in fixed order: the same for any number of threads. Private to light and
 // its rivals.
+//
+// Source   Jacobi sweeps, each drawn out by what the one before has changed (Chebyshev's semi-iteration): G. Golub and R. Varga, "Chebyshev semi-iterative
+//          methods, successive overrelaxation iterative methods, and second order Richardson iterative methods", Numerische Mathematik 3, 1961
 #pragma once
 #include "libs/core/context.h"
 #include "libs/math/vec.h"
@@ -11,7 +14,7 @@ namespace kiln {
 
 struct Bounces {
     std::vector<Rgbd> irradiance;
-    std::uint32_t sweeps = 0; // before the last
+    std::uint32_t sweeps = 0; // before the last, which is a plain one
     double residual = 0;      // bound on the error of the result, residual / (1 - rho_max), as a share of its mean value
 };
 // Eight sweeps at a time, so that a lamp more or less hardly ever changes their number and with it the last digits everywhere, until that bound is at most `share`, or values pass `give_up`: rows may sum to more than 1 / rho and never settle.
@@ -27,8 +30,10 @@ Bounces solve_bounces(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& 
     Bounces out;
     std::vector<Rgbd>& h = out.irradiance;
     h = direct;
-    std::vector<Rgbd> next(n), b(n);
+    std::vector<Rgbd> next(n), before(n), b(n);
     std::vector<double> change(chunks), total(chunks);
+    double drawn_out = 1, last = std::numeric_limits<double>::infinity();
+    bool settles = true; // where rows are so uneven that it does not, plain sweeps go on
     for (; out.sweeps < kMostSweeps; ++out.sweeps) {
         for (std::size_t p = 0; p < n; ++p) b[p] = rho[p] * h[p];
         parallel_for(context, chunks, [&](std::size_t chunk) {
@@ -42,11 +47,19 @@ Bounces solve_bounces(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& 
                 next[p] = sum;
             }
         });
-        std::swap(h, next);
         double r = 0, top = 0;
         for (std::size_t c = 0; c < chunks; ++c) r = std::max(r, change[c]), top += total[c] / static_cast<double>(n);
         out.residual = top > 0 ? r * rho_max / (1 - rho_max) / top : 0;
-        if ((out.sweeps % kAtOnce == kAtOnce - 1 && out.residual <= share) || !(top < give_up)) break;
+        const bool looked_at = out.sweeps % kAtOnce == kAtOnce - 1;
+        if ((looked_at && out.residual <= share) || !(top < give_up)) {
+            std::swap(h, next);
+            break;
+        }
+        if (looked_at) settles = settles && r < last, last = r;
+        if (out.sweeps > 0) drawn_out = 1 / (1 - rho_max * rho_max * (out.sweeps > 1 ? drawn_out / 4 : 0.5));
+        if (settles && out.sweeps > 0)
+            for (std::size_t p = 0; p < n; ++p) next[p] = before[p] + (next[p] - before[p]) * drawn_out;
+        std::swap(before, h), std::swap(h, next);
     }
     return out;
 }
