@@ -564,7 +564,7 @@ Lighting Bake::run() {
     out_.first_brought.assign(1, 0);
     for (std::size_t p = 0; p < n; ++p) {
         for (std::size_t k = 0; k < lists_[p].size(); ++k)
-            if (!lists_[p][k].is_emitter && brought_[p][k] > 0) out_.brought.push_back({lists_[p][k].light, brought_[p][k]});
+            if (!lists_[p][k].is_emitter && (brought_[p][k] > 0 || luxels_of(static_cast<std::uint32_t>(p)).empty())) out_.brought.push_back({lists_[p][k].light, brought_[p][k]});
         out_.first_brought.push_back(static_cast<std::uint32_t>(out_.brought.size()));
     }
     double gathered = 0;
@@ -653,6 +653,7 @@ void validate(const Lighting& l, const Surfaces& s) {
     KILN_CHECK(l.first_brought.empty() || l.first_brought.size() == l.patches.size() + 1);
     for (std::size_t p = 1; p < l.first_brought.size(); ++p) KILN_CHECK_OP(l.first_brought[p - 1], <=, l.first_brought[p]);
     if (!l.first_brought.empty()) KILN_CHECK_OP(l.first_brought.back(), ==, l.brought.size());
+    for (const LightBrings& b : l.brought) KILN_CHECK(std::isfinite(b.irradiance) && b.irradiance >= 0);
     KILN_CHECK_OP(l.chart_directional.size(), ==, s.charts.size());
     for (const std::uint32_t p : l.piece_patch) KILN_CHECK_OP(p, <, l.patches.size());
     for (const Rgb& e : l.flat)

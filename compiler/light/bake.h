@@ -34,12 +34,12 @@ struct ReflectedLight {
     std::vector<double> reach, far_from;
 };
 
-// A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
 // A lamp changed in one room changes the last digits of the light of every other. What rays read is rounded, up or down by the place, so that means do not
 // change: it is mostly the same where nothing much happened, and what was made of it can be taken over.
 double read_step_of(double error_percent); // share of light, a power of two
 Rgbd rounded_as_read(Rgbd light, double step_share, double floor, double up); // floor: what darker light is rounded as; up: from which remainder on, 0 all to 1 none
 
+// A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
 struct LightRef {
     std::uint32_t light = 0; // emitter, or light entity
     bool is_emitter = false;

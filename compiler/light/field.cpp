@@ -51,11 +51,11 @@ void LightField::Data::tell_states() {
     states.insert(states.end(), d.place_even.begin(), d.place_even.end());
     std::vector<std::uint64_t> ids;
     for (const Light& light : d.lights) ids.push_back(light_id(light));
-    for (std::uint32_t p = 0; p < d.lighting.patches.size(); ++p) {
+    for (std::uint32_t piece = 0; piece < d.surfaces.pieces.size(); ++piece) {
         std::uint64_t state = 0;
         if (!d.lighting.first_brought.empty())
-            for (const LightBrings& b : d.entities_of(p)) state = mix(state, ids[b.light], bits(b.irradiance));
-        states.push_back(state);
+            for (const LightBrings& b : d.entities_of(piece)) state = chained(state, chained(ids[b.light], bits(b.irradiance)));
+        states.push_back(mix(state));
     }
 }
 
@@ -72,14 +72,14 @@ std::uint64_t LightField::shining_faces() const {
     return data_->emitters.emitters.empty() ? 0 : hash_of(data_->emitters.of_face).low | 1;
 }
 
-bool LightField::Data::is_near(const SceneHit& hit, Looked* looked) const {
-    const ChartId chart = surfaces.faces[hit.face.at()].chart;
-    if (!chart.valid() || hit.distance >= kNearLuxels * surfaces.charts[chart.at()].luxel_size) return false;
+bool LightField::Data::is_near(const SceneHit& hit, Vec3 direction, Looked* looked) const {
+    const Face& face = surfaces.faces[hit.face.at()];
+    const ChartId chart = face.chart;
+    if (!chart.valid() || dot(face.normal, direction) > 0 || hit.distance >= kNearLuxels * surfaces.charts[chart.at()].luxel_size) return false;
     const std::uint32_t place = place_at(hit);
     if (place >= place_even.size()) return false;
-    if (!(place_even[place] & kTold)) return true;
     if (looked) looked->at(even_part(place));
-    return !(place_even[place] & kEvenLight);
+    return !place_even[place];
 }
 
 // What a luxel and those around it agree on holds within it, too. Where none lies beside it along one of the axes, or one is of several pieces, nobody tells.
@@ -106,7 +106,7 @@ void LightField::Data::tell_even_places(double floor) {
                 const Rgbd by = static_cast<Rgbd>(lighting.flat[t]) - at;
                 for (std::size_t a = 0; a < 3; ++a) even = even && std::abs(by[a]) <= may;
             }
-        if (told && beside[0] && beside[1]) place_even[l.first_piece] = even ? kTold | kEvenLight : kTold;
+        place_even[l.first_piece] = told && even && beside[0] && beside[1];
     }
 }
 
@@ -237,7 +237,7 @@ FieldBundle LightField::bundle(Vec3 point, Vec3 normal, std::uint32_t rays, std:
         Rgbd sum, through{1, 1, 1};
         bool plain = true;
         const auto meet = [&](const SceneHit& hit, Rgbd share, Random& random) {
-            if (!d.is_near(hit, looked)) {
+            if (!d.is_near(hit, way, looked)) {
                 out.terms.push_back({d.place_at(hit), static_cast<Rgb>(share)});
                 return;
             }

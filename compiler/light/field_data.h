@@ -21,21 +21,21 @@ struct LightField::Data {
     LightSight sight;
     Rgbd sky;
     std::vector<std::uint32_t> texel_place; // of luxels of one piece; else kBlack
-    // Do luxels around a piece's tell whether light is even there, and is it?
-    static constexpr std::uint8_t kTold = 1, kEvenLight = 2;
-    std::vector<std::uint8_t> place_even; // by pieces
+    std::vector<std::uint8_t> place_even; // by pieces: is light even there, as luxels around tell?
     void tell_even_places(double floor);
     std::vector<Rgb> place_reflected; // radiance, by places: pieces of luxels, then faces (which answer where there is no chart)
-    // Parts to look at: places; all that shines or reflects; of each piece whether light is even there; of each patch the entities that light it.
+    // Parts to look at: places; all that shines or reflects; of each piece whether light is even there; of each piece the entities that light its patch. How pieces make
+    // patches depends on light, too: nothing here goes by the number of a patch.
     std::once_flag states_told;
     std::vector<std::uint64_t> states; // of the parts, when they are asked for
     void tell_states();
     std::uint32_t emitters_part() const { return static_cast<std::uint32_t>(place_reflected.size()); }
     std::uint32_t even_part(std::uint32_t piece) const { return emitters_part() + 1 + piece; }
-    std::uint32_t entities_part(std::uint32_t patch) const { return even_part(static_cast<std::uint32_t>(surfaces.pieces.size())) + patch; }
-    std::size_t part_count() const { return entities_part(static_cast<std::uint32_t>(lighting.patches.size())); }
-    std::span<const LightBrings> entities_of(std::uint32_t patch) const {
-        return std::span(lighting.brought).subspan(lighting.first_brought[patch], lighting.first_brought[patch + 1] - lighting.first_brought[patch]);
+    std::uint32_t entities_part(std::uint32_t piece) const { return even_part(piece) + static_cast<std::uint32_t>(surfaces.pieces.size()); }
+    std::size_t part_count() const { return entities_part(static_cast<std::uint32_t>(surfaces.pieces.size())); }
+    std::span<const LightBrings> entities_of(std::uint32_t piece) const {
+        const std::uint32_t patch = lighting.piece_patch[piece], first = lighting.first_brought[patch];
+        return std::span(lighting.brought).subspan(first, lighting.first_brought[patch + 1] - first);
     }
 
     // Where a hit lies; of a place radiance reflected there.
@@ -44,8 +44,8 @@ struct LightField::Data {
     // Of a hit, from the lightmap as it is displayed; with what the face emits.
     Rgbd lit(const SceneHit& hit) const;
     Rgbd shown(const SceneHit& hit, Vec3 direction) const;
-    // Is a hit so close to where its ray began, and the light there so uneven, that its luxel is no good answer?
-    bool is_near(const SceneHit& hit, Looked* looked) const;
+    // Is a hit so close to where its ray began, and the light there so uneven, that its luxel is no good answer? What shows its back has no other: all that is known of it is its front.
+    bool is_near(const SceneHit& hit, Vec3 direction, Looked* looked) const;
     // The emitter that shines from a hit, seen from its front; UINT32_MAX: none.
     std::uint32_t emitter(const SceneHit& hit, Vec3 direction) const;
     // Where rays from a point on a surface start: pushed off the face it lies on, wherever the given point was

@@ -2,7 +2,8 @@
 // its rivals.
 //
 // Source   Jacobi sweeps, each drawn out by what the one before has changed (Chebyshev's semi-iteration): G. Golub and R. Varga, "Chebyshev semi-iterative
-//          methods, successive overrelaxation iterative methods, and second order Richardson iterative methods", Numerische Mathematik 3, 1961
+//          methods, successive overrelaxation iterative methods, and second order Richardson iterative methods", Numerische Mathematik 3, 1961. As if the
+//          spectrum ended at the mean reflectance, not at the largest: what little lies beyond fades hardly slower than by plain sweeps, all else much faster
 #pragma once
 #include "libs/core/context.h"
 #include "libs/math/vec.h"
@@ -25,8 +26,8 @@ Bounces solve_bounces(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& 
     constexpr std::uint32_t kMostSweeps = 5000, kAtOnce = 8;
     constexpr std::size_t kChunk = 256;
     const std::size_t n = direct.size(), chunks = (n + kChunk - 1) / kChunk;
-    double rho_max = 0;
-    for (const Rgbd& r : rho) rho_max = std::max(rho_max, max_component(r));
+    double rho_max = 0, rho_mean = 0;
+    for (const Rgbd& r : rho) rho_max = std::max(rho_max, max_component(r)), rho_mean += max_component(r) / static_cast<double>(n);
     Bounces out;
     std::vector<Rgbd>& h = out.irradiance;
     h = direct;
@@ -51,12 +52,13 @@ Bounces solve_bounces(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& 
         for (std::size_t c = 0; c < chunks; ++c) r = std::max(r, change[c]), top += total[c] / static_cast<double>(n);
         out.residual = top > 0 ? r * rho_max / (1 - rho_max) / top : 0;
         const bool looked_at = out.sweeps % kAtOnce == kAtOnce - 1;
-        if ((looked_at && out.residual <= share) || !(top < give_up)) {
-            std::swap(h, next);
+        if ((looked_at && out.residual <= share) || !(top < give_up) || out.sweeps + 1 == kMostSweeps) {
+            for (std::size_t p = 0; p < n; ++p) // what was drawn out may come out below
+                for (std::size_t c = 0; c < 3; ++c) h[p][c] = std::max(0.0, next[p][c]);
             break;
         }
         if (looked_at) settles = settles && r < last, last = r;
-        if (out.sweeps > 0) drawn_out = 1 / (1 - rho_max * rho_max * (out.sweeps > 1 ? drawn_out / 4 : 0.5));
+        if (out.sweeps > 0) drawn_out = 1 / (1 - rho_mean * rho_mean * (out.sweeps > 1 ? drawn_out / 4 : 0.5));
         if (settles && out.sweeps > 0)
             for (std::size_t p = 0; p < n; ++p) next[p] = before[p] + (next[p] - before[p]) * drawn_out;
         std::swap(before, h), std::swap(h, next);

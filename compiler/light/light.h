@@ -47,7 +47,7 @@ struct ErrorReport {                                    // percent, rRMSE of dis
     }
 };
 
-// A light entity and the irradiance that it brings to the luxels of a patch, in the mean.
+// A light entity and the irradiance that it brings to the luxels of a patch, in the mean; 0 where there are none.
 struct LightBrings {
     static constexpr bool kRawBytes = true;
     std::uint32_t light = 0;
@@ -64,7 +64,7 @@ struct Lighting {
     // Patch lookup (patches.h): per texel, UINT32_MAX none, UINT32_MAX - 1 several: then by piece; faces without a
     // chart have one patch or none.
     std::vector<std::uint32_t> patch_index, piece_patch, face_patch;
-    // Per patch with luxels the entities that light any of them, ascending: from the first of `brought` on, and one more. Empty: not known.
+    // Per patch the entities that light any of its luxels, ascending, or, where it has none, all that may light it: from the first of `brought` on, and one more. Empty: not known.
     std::vector<std::uint32_t> first_brought;
     std::vector<LightBrings> brought;
     std::vector<Rgb> flat;           // per texel: irradiance for the flat (shading) normal; gutter filled

@@ -51,8 +51,9 @@ struct PathTracer {
         if (!(max_component(through) > 0)) return {};
         return through * (s.weight * dot(s.direction, n) + s.ambient);
     }
-    // From those that light a patch close by; kNoPatch: from all.
-    Rgbd entities(std::uint32_t patch, Vec3 x, Vec3 n, Random& random) const;
+    // From those that light the patch of a piece close by; kNoPiece: from all.
+    static constexpr std::uint32_t kNoPiece = UINT32_MAX;
+    Rgbd entities(std::uint32_t piece, Vec3 x, Vec3 n, Random& random) const;
     // Radiance that a bundle of the given density (of solid angle) meets in the direction `way` from x; what shines is weighted
     // against the explicit samples of `choice` by the balance heuristic.
     // Every pane on the way gives its share.

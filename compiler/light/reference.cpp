@@ -10,15 +10,15 @@ constexpr HemisphereMap kFirstMap{0.6};
 constexpr int kRouletteFrom = 3, kMostBounces = 4096;
 } // namespace
 
-// With what lights the patch: one of them. Those that bring its luxels nothing bring nothing close by.
-Rgbd PathTracer::entities(std::uint32_t patch, Vec3 x, Vec3 n, Random& random) const {
+// With what lights the patch of a piece: one of them. Those that bring its luxels nothing bring nothing close by.
+Rgbd PathTracer::entities(std::uint32_t piece, Vec3 x, Vec3 n, Random& random) const {
     Rgbd e;
-    if (patch == kNoPatch || d.lighting.first_brought.empty()) {
+    if (piece == kNoPiece || d.lighting.first_brought.empty()) {
         for (const Light& light : d.lights) e += entity(light, x, n, random);
         return e;
     }
-    if (looked) looked->at(d.entities_part(patch));
-    const std::span<const LightBrings> list = d.entities_of(patch);
+    if (looked) looked->at(d.entities_part(piece));
+    const std::span<const LightBrings> list = d.entities_of(piece);
     thread_local Choice choice;
     thread_local std::vector<double> could, brought;
     could.clear(), brought.clear();
@@ -36,7 +36,7 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, End* end) co
         const Face& face = d.surfaces.faces[hit.face.at()];
         if (!face.drawn || face.sky) break;
         const std::uint32_t place = end ? d.place_at(hit) : FieldBundle::kBlack;
-        if (end && (bounce >= kNearBounces || !d.is_near(hit, looked))) {
+        if (end && (bounce >= kNearBounces || !d.is_near(hit, came, looked))) {
             *end = {place, throughput};
             break;
         }
@@ -52,7 +52,7 @@ Rgbd PathTracer::reflected(SceneHit hit, Vec3 came, Random& random, End* end) co
         Vec3 n = face.normal;
         if (dot(n, came) > 0) n = -n; // the back of a two-sided face
         const Vec3 x = hit.position + n * d.scene.push_off();
-        sum += throughput * entities(end ? d.lighting.piece_patch[place] : kNoPatch, x, n, random) * (1 / kPi);
+        sum += throughput * entities(end ? place : kNoPiece, x, n, random) * (1 / kPi);
         if (looked && end && !d.emitters.emitters.empty()) looked->at(place);
         // Close by, what does not stand out makes no noise, nor does the sky: it is left to the path.
         const double least = end ? 1.5 * mean(d.reflected(place)) / std::max(mean(rho), 1e-3) : 0;

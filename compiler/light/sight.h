@@ -18,7 +18,7 @@ public:
 
     // Within `reach` map units of the hull of some points. Below 0: what reaches over a border by less than that does not count.
     Clusters at(std::span<const Vec3> points, double reach) const;
-    Clusters at(Vec3 x, double reach = kHair) const { return at(std::span(&x, 1), reach); }
+    Clusters at(Vec3 x) const { return at(std::span(&x, 1), kHair); }
     Clusters of_face(const Surfaces& surfaces, FaceId face) const;
     // Of all luxels of a patch, which may lie on several faces, seen from `off` map units in front of them.
     Clusters of_patch(const Surfaces& surfaces, const PatchTable& table, std::uint32_t patch, double off) const;

@@ -1,4 +1,5 @@
 #include "compiler/light/lambert.h"
+#include "compiler/light/jacobi.h"
 #include "compiler/light/kernels.h"
 #include "compiler/light/path_tracer.h"
 #include "libs/sampling/sobol.h"
@@ -460,6 +461,72 @@ TEST(Bake, RareBrightRaysAreNoSpecks) {
     EXPECT_NEAR(sum / right, 1, 0.004);
 }
 
+// A row of equal patches, each of which sees the next on either side, and one that is lit: B decays by a closed form. The bound holds, few sweeps do.
+TEST(Bounces, ComeToTheClosedFormOfALine) {
+    constexpr std::size_t n = 401, lit = 200;
+    Context context;
+    for (const double rho : {0.2, 0.5, 0.9, 0.99}) {
+        std::vector<Rgbd> direct(n);
+        direct[lit] = {1, 1, 1};
+        const double share = 1e-4;
+        const Bounces got = solve_bounces(direct, std::vector<Rgbd>(n, {rho, rho, rho}), share, context, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
+            if (p > 0) sum += b[p - 1] * 0.5;
+            if (p + 1 < n) sum += b[p + 1] * 0.5;
+        });
+        const double root = std::sqrt(1 - rho * rho), step = (1 - root) / rho; // of an endless line
+        double mean_light = 0, most = 0;
+        for (const Rgbd& h : got.irradiance) mean_light += h.x / n;
+        for (std::size_t p = 0; p < n; ++p) most = std::max(most, std::abs(got.irradiance[p].x - std::pow(step, std::abs(static_cast<double>(p) - static_cast<double>(lit))) / root));
+        EXPECT_LE(got.residual, share) << rho;
+        EXPECT_LE(most, got.residual * mean_light * 1.01 + 1e-9) << rho;
+        for (const Rgbd& h : got.irradiance) EXPECT_GE(h.x, 0) << rho;
+        const double plain = std::log(share * (1 - rho) / n) / std::log(rho); // sweeps of the plain kind, at most
+        EXPECT_LT(got.sweeps, 0.6 * plain + 8) << rho;
+    }
+}
+
+// A bright closet beside rooms of which it sees little makes sweeps no less worth than plain ones.
+TEST(Bounces, OneBrightClosetCostsNothing) {
+    constexpr std::size_t n = 202;
+    Context context;
+    std::vector<Rgbd> rho(n, {0.5, 0.5, 0.5}), direct(n);
+    rho[n - 2] = rho[n - 1] = {0.95, 0.95, 0.95}, direct[0] = {100, 100, 100};
+    const auto row = [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
+        if (p + 2 >= n) { // it sees itself, and the room a little
+            sum += b[2 * n - 3 - p] * 0.9 + b[0] * 0.1;
+            return;
+        }
+        if (p > 0) sum += b[p - 1] * 0.5;
+        if (p + 1 < n) sum += b[p + 1] * 0.5;
+    };
+    const Bounces got = solve_bounces(direct, rho, 1e-4, context, row);
+    std::vector<Rgbd> exact = direct, next(n), b(n);
+    std::uint32_t plain = 0; // sweeps that as small a change takes
+    for (std::uint32_t sweep = 0; sweep < 2000; ++sweep) {
+        double change = 0, sum = 0;
+        for (std::size_t p = 0; p < n; ++p) b[p] = rho[p] * exact[p];
+        for (std::size_t p = 0; p < n; ++p) row(p, b, next[p] = direct[p]), change = std::max(change, next[p].x - exact[p].x), sum += next[p].x / n;
+        exact = next;
+        if (!plain && change * 0.95 / 0.05 <= 1e-4 * sum) plain = sweep;
+    }
+    double most = 0, mean_light = 0;
+    for (std::size_t p = 0; p < n; ++p) most = std::max(most, std::abs(got.irradiance[p].x - exact[p].x)), mean_light += exact[p].x / n;
+    EXPECT_LE(most, got.residual * mean_light * 1.01);
+    EXPECT_LE(got.sweeps, plain + 8); // they are looked at eight at a time
+}
+
+// Rows of no scene, along which light goes round and never back: sweeps that are drawn out do not settle there, plain ones do.
+TEST(Bounces, SettleWhereLightNeverComesBack) {
+    constexpr std::size_t n = 64;
+    Context context;
+    for (const double rho : {0.5, 0.9, 0.99}) {
+        std::vector<Rgbd> direct(n);
+        direct[0] = {1, 2, 4};
+        const Bounces got = solve_bounces(direct, std::vector<Rgbd>(n, {rho, rho, rho}), 1e-6, context, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) { sum += b[(p + n - 1) % n]; });
+        for (std::size_t p = 0; p < n; ++p) EXPECT_NEAR(got.irradiance[p].y, 2 * std::pow(rho, p) / (1 - std::pow(rho, n)), 2e-4) << rho;
+    }
+}
+
 // Close to a point paths ask one of the lights that the bake found on a patch: on the average nothing changes.
 // Forty lamps at one end of a room, at the other end a plate that hides all or half of them from the wall behind.
 TEST(Bake, OneOfManyLightsStandsForAll) {
@@ -479,22 +546,41 @@ TEST(Bake, OneOfManyLightsStandsForAll) {
     for (double y = 4; y < 128; y += 5) {
         const auto hit = d.scene.closest({240, y, 50}, {1, 0, 0});
         ASSERT_TRUE(hit);
-        const std::uint32_t patch = b->lighting.piece_patch[d.place_at(*hit)];
-        for (const LightBrings& light : d.entities_of(patch)) EXPECT_LT(light.light, 40u);
+        const std::uint32_t piece = d.place_at(*hit);
+        for (const LightBrings& light : d.entities_of(piece)) EXPECT_LT(light.light, 40u);
         const Vec3 n{-1, 0, 0}, x{255.9, y, 50};
         Random random(7);
-        const double truth = tracer.entities(kNoPatch, x, n, random).x;
+        const double truth = tracer.entities(PathTracer::kNoPiece, x, n, random).x;
         ++(truth > 0 ? lit : dark);
         double sum = 0, square = 0;
         constexpr int kTimes = 4096;
         for (int i = 0; i < kTimes; ++i) {
-            const double e = tracer.entities(patch, x, n, random).x;
+            const double e = tracer.entities(piece, x, n, random).x;
             sum += e / kTimes, square += e * e / kTimes;
         }
         EXPECT_NEAR(sum, truth, 4.5 * std::sqrt((square - sum * sum) / kTimes) + 1e-9) << y;
     }
     EXPECT_GE(lit, 15u);
     EXPECT_GE(dark, 3u);
+}
+
+// What a memo of rays may depend on does not go by how patches are numbered: which there are follows from the light.
+TEST(Bake, WhatRaysCloseByDependOnGoesByPieces) {
+    const auto b = bake(two_rooms(20), {.error_percent = 20}, {point_light({60, 60, 60}, {400, 300, 200})});
+    Lighting other = b->lighting;
+    const auto n = static_cast<std::uint32_t>(other.patches.size());
+    std::ranges::reverse(other.patches), std::ranges::reverse(other.radiosity);
+    for (auto* of : {&other.patch_index, &other.piece_patch, &other.face_patch})
+        for (std::uint32_t& p : *of)
+            if (p < n) p = n - 1 - p;
+    other.first_brought.assign(1, 0), other.brought.clear();
+    for (std::uint32_t p = n; p-- > 0; other.first_brought.push_back(static_cast<std::uint32_t>(other.brought.size())))
+        other.brought.insert(other.brought.end(), b->lighting.brought.begin() + b->lighting.first_brought[p], b->lighting.brought.begin() + b->lighting.first_brought[p + 1]);
+    const LightField field(b->scene.world, b->bsp, b->planes, b->scene.surfaces, b->lights, other);
+    EXPECT_EQ(field.part_states(), b->field->part_states());
+    other.brought.front().irradiance *= 2;
+    const LightField brighter(b->scene.world, b->bsp, b->planes, b->scene.surfaces, b->lights, other);
+    EXPECT_NE(brighter.part_states(), b->field->part_states());
 }
 
 // A spot with a hard edge on luxels that are patches of their own: those that its rim cuts get their share, wherever it falls among their test rays.

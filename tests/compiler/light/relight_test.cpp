@@ -109,6 +109,18 @@ TEST(Relight, SameBytesAfterEachEdit) {
     }
 }
 
+// A lamp that only gets brighter or another colour casts the shadows that it cast.
+TEST(Relight, DirectLightOfABrighterLampIsNotTracedAgain) {
+    LightMemo memo = empty_memo();
+    (void)baked(two_rooms(20), kLamps, &memo);
+    memo = stored(memo);
+    std::vector<Light> lamps = kLamps;
+    lamps[0].intensity = {lamps[0].intensity.x * 1.03f, lamps[0].intensity.y * 1.01f, lamps[0].intensity.z};
+    EXPECT_EQ(baked(two_rooms(20), lamps, &memo), baked(two_rooms(20), lamps, nullptr));
+    EXPECT_GT(memo.direct.found(), 0u);
+    EXPECT_EQ(memo.direct.size(), memo.direct.found()) << "traced anew";
+}
+
 // Which lamps are left to gathered rays is taken over, too. The ceiling of what is above and its walls are two lamps.
 TEST(Relight, LampsAboveAHole) {
     const auto scene = [](Rgb walls, Rgb ceiling) {
