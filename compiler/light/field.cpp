@@ -74,10 +74,12 @@ std::uint64_t LightField::shining_faces() const {
 
 bool LightField::Data::is_near(const SceneHit& hit, Vec3 direction, Looked* looked) const {
     const Face& face = surfaces.faces[hit.face.at()];
-    const ChartId chart = face.chart;
-    if (!chart.valid() || dot(face.normal, direction) > 0 || hit.distance >= kNearLuxels * surfaces.charts[chart.at()].luxel_size) return false;
+    if (!face.chart.valid() || dot(face.normal, direction) > 0) return false;
+    const double luxel = surfaces.charts[face.chart.at()].luxel_size;
+    if (hit.distance >= kNearLuxels * luxel) return false;
     const std::uint32_t place = place_at(hit);
     if (place >= place_even.size()) return false;
+    if (hit.distance < kCrevice * luxel) return true;
     if (looked) looked->at(even_part(place));
     return !place_even[place];
 }

@@ -6,6 +6,7 @@
 namespace kiln {
 
 constexpr double kNearLuxels = 1.5; // of the lightmap: nearer surfaces are looked at in more detail than it has
+constexpr double kCrevice = 0.25;   // luxels: nearer than that even light says nothing, for what lies in a crevice may be a small part of its luxel
 constexpr double kEven = 2;         // targets by which luxels side by side may differ where their light will do close by, too
 constexpr int kNearBounces = 6;     // in a crevice; then the lightmap will do
 
