@@ -29,7 +29,7 @@ struct Answer {
 class Asking {
 public:
     Asking(const World& world, const Surfaces& s, const Lighting& light, const Density& texels, const LightField& field, const ShownErrorOptions& options, Memo* memo)
-        : s_(s), corner_(least_corner(s)), light_(light), texels_(texels), field_(field), rest_(field, memo), options_(options), cones_(cone_tables(world, s, directional_of(light), light.encoding)) {}
+        : s_(s), corner_(least_corner(s)), light_(light), texels_(texels), field_(field), memo_(memo), rest_(field, memo), options_(options), cones_(cone_tables(world, s, directional_of(light), light.encoding)) {}
 
     // By area, one in each of equal strata.
     std::vector<Place> places() const {
@@ -78,15 +78,20 @@ public:
     // In something solid that does not cut the face, a brush model or terrain: nobody looks at it.
     bool buried(const Place& place) const {
         constexpr std::uint32_t kRays = 16; // half of them, as for luxels
+        const std::uint64_t stream = mix_place(place.position - corner_, options_.seed, std::uint64_t{90});
+        if (memo_)
+            if (const auto kept = memo_->find(stream, {}); kept && kept->size() == 1) return (*kept)[0] != 0;
         const Vec3 n = s_.faces[place.face.at()].normal, from = place.position + n * field_.scene().push_off();
         const Frame frame = frame_around(n);
-        const Sobol points(mix_place(place.position - corner_, options_.seed, std::uint64_t{90}));
+        const Sobol points(stream);
         std::uint32_t back = 0;
         for (std::uint32_t i = 0; i < kRays; ++i) {
             const auto hit = field_.scene().closest(from, frame.world(cosine_hemisphere(points.pair(i, 0))));
             back += hit && hit->back;
         }
-        return 2 * back > kRays;
+        const bool is = 2 * back > kRays;
+        if (memo_) memo_->keep(stream, {}, {}, {is});
+        return is;
     }
 
 private:
@@ -95,6 +100,7 @@ private:
     const Lighting& light_;
     const Density& texels_;
     const LightField& field_;
+    Memo* memo_;
     const KeptRest rest_;
     const ShownErrorOptions& options_;
     std::vector<std::shared_ptr<const ConeTable>> cones_;

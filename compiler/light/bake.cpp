@@ -264,7 +264,9 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
         for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
             const double level = std::max(mean(rest_[p] + solved_direct_[p]), floor_);
             if (covered_[p] || luxels_of(p).empty() || !(level > 0)) continue;
-            for_row(rows_, p, [&](std::uint32_t patch, auto factor) { stale[p] += moved[patch] * mean(Rgbd{1, 1, 1} * factor) * std::numbers::pi / level; });
+            for_row(rows_, p, [&](std::uint32_t patch, auto factor) {
+                if (moved[patch] > 0) stale[p] += moved[patch] * mean(Rgbd{1, 1, 1} * factor) * std::numbers::pi / level;
+            });
         }
     });
     for (std::uint32_t p = 0; p < n; ++p)
@@ -272,8 +274,8 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
     return out;
 }
 
-// `parent`: of each patch, in `table`.
-void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const {
+// `parent`: of each patch, in `table`, of that name.
+void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& table, Hash name, double size, ReflectedLight* light) const {
     const std::size_t n = patches_.patches.size();
     light->place.resize(n), light->reach.assign(n, 0), light->far_from.resize(n);
     for (std::size_t p = 0; p < n; ++p) {
@@ -287,17 +289,38 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
             for (const std::uint32_t v : surfaces_.triangles[t]) light->reach[p] = std::max(light->reach[p], length(surfaces_.positions[v] - place));
         light->far_from[p] = kFarPatches * size + light->reach[p];
     }
+    // Which of all that rows met are far off, in the order of for_met.
+    std::vector<std::size_t> first(n + 1);
+    for (std::size_t p = 0; p < n; ++p) first[p + 1] = first[p] + (rows_.first[p + 1] - rows_.first[p]) + (lone_first_[p + 1] - lone_first_[p]);
+    const auto far_off = known_or<std::vector<std::uint8_t>>(mix(name.low, KeyOf::far, std::bit_cast<std::uint64_t>(size)), [&] {
+        std::vector<std::uint8_t> out(first[n]);
+        parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
+            for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p)
+                for_met(p, [&, k = first[p]](std::uint32_t code, const Quarters&) mutable { out[k++] = is_far(*light, p, code); });
+        });
+        return out;
+    });
+    const bool patches_shine = std::ranges::any_of(patch_emitter_, [](std::uint32_t e) { return e != UINT32_MAX; });
     std::vector<Rgbd> met(n);
-    std::vector<std::uint32_t> count(n);
+    std::vector<double> count(n); // share of the row
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
-        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p)
-            for_met(p, [&](std::uint32_t code, const Quarters& rays) {
-                if (!is_far(*light, p, code)) return;
-                count[p] += rays.all();
-                if (is_patch(code)) met[p] += static_cast<Rgbd>(light->patch[code]) * rays.all();
-                const std::uint32_t emitter = emitter_of(code);
-                if (emitter != UINT32_MAX && !listed(p, emitter)) met[p] += emitters_.emitters[emitter].radiance * rays.all();
-            });
+        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
+            std::size_t at = first[p];
+            const auto shines = [&](std::uint32_t code, double share) {
+                if (const std::uint32_t e = emitter_of(code); e != UINT32_MAX && !listed(p, e)) met[p] += emitters_.emitters[e].radiance * share;
+            };
+            for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) {
+                if (!far_off[at++]) continue;
+                const auto share = static_cast<double>(rows_.weight[k]);
+                count[p] += share, met[p] += static_cast<Rgbd>(light->patch[rows_.patch[k]]) * share;
+                if (patches_shine) shines(rows_.patch[k], share);
+            }
+            for (std::uint64_t k = lone_first_[p]; k < lone_first_[p + 1]; ++k) {
+                if (!far_off[at++]) continue;
+                const double share = lone_met_[k].all() * (1.0 / quality_.row_rays);
+                count[p] += share, shines(lone_[k], share);
+            }
+        }
     });
     std::vector<Rgbd> sum(table.patches.size());
     std::vector<double> weight(table.patches.size());
@@ -344,7 +367,7 @@ ReflectedLight Bake::coarse_light(const std::vector<Rgbd>& direct, const std::ve
     for (std::uint32_t& p : luxel_parent)
         if (p != kNoPatch) p = parent[p];
     ReflectedLight out = reflected_light(values_at_luxels(surfaces_, larger_.touching, larger_.table, luxel_parent, coarse_rest), total);
-    far_light(parent, larger_.table, 2 * quality_.patch_size, &out);
+    far_light(parent, larger_.table, larger_table_, 2 * quality_.patch_size, &out);
     return out;
 }
 
@@ -424,7 +447,7 @@ std::vector<Rgbd> Bake::solve_patches() {
     reflected_ = reflected_light(values_at_luxels(surfaces_, touching_, patches_, luxel_patch_, rest_), total);
     std::vector<std::uint32_t> self(n);
     std::iota(self.begin(), self.end(), 0u);
-    far_light(self, patches_, quality_.patch_size, &reflected_);
+    far_light(self, patches_, table_, quality_.patch_size, &reflected_);
     bright_.clear();
     for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
     coarse_ = coarse_light(direct, first);
@@ -545,11 +568,11 @@ Lighting Bake::run() {
         wanted = expected_noise() * std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
         check = gather();
     }
-    if (memo_)
-        for (Memo* memo : memo_->all()) memo->end();
     store_luxels();
     fill();
-    if (options_.match_seams) match_seams(surfaces_, scene_, options_.error_floor, &out_, context_);
+    if (options_.match_seams) match_seams(surfaces_, scene_, options_.error_floor, &out_, context_, memo_ ? &memo_->lights : nullptr);
+    if (memo_)
+        for (Memo* memo : memo_->all()) memo->end();
 
     out_.error = error_report(check, solution);
 

@@ -153,6 +153,9 @@ struct Quarters {
 
 PaneRays joined(std::vector<PaneRays>& parts);
 
+// What keys of `LightMemo::lights` are for.
+enum class KeyOf : std::uint64_t { edges = 1, patches, neighbours, tests, far, clusters };
+
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 constexpr std::uint32_t kReplicates = 4;
 struct PilotLuxel { // see estimate.cpp
@@ -171,7 +174,7 @@ public:
     Lighting run();
 
 private:
-    struct Rows { // merged hit lists: F_ij for patches j, in the order in which they were met first
+    struct Rows { // merged hit lists: F_ij for patches j, ascending
         Held<std::uint64_t> first;
         Held<std::uint32_t> patch;
         Held<float> weight;
@@ -207,11 +210,13 @@ private:
     bool load_larger_rows();
     void save_larger_rows();
     void note_reflected(std::uint32_t patch);
+    std::uint64_t light_seen(std::uint32_t patch) const;
     void note_solution();
     void note_states();
     std::uint64_t hash_of_ref(const LightRef& ref, bool bright = true) const; // bright: with how bright it is
     void luxel_direct_of(std::uint32_t patch, std::uint64_t pass, std::vector<std::uint8_t>* divided, std::uint64_t* rays);
     std::uint64_t gather_key(std::uint32_t patch) const;
+    std::uint64_t key_of(std::uint32_t patch, std::uint64_t hash) const { return key_at(patch, patches_.patches.size(), hash); }
     // rows.cpp
     HitCounts trace_rows();
     void merge_hits();
@@ -219,7 +224,7 @@ private:
     void merge_larger();
     void make_rows();
     // body(code, quarters) for all that a row met that is a patch, or shines.
-    void for_met(std::size_t p, const auto& body) const {
+    void for_met(std::size_t p, auto&& body) const {
         for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) body(rows_.patch[k], met_[k]);
         for (std::uint64_t k = lone_first_[p]; k < lone_first_[p + 1]; ++k) body(lone_[k], lone_met_[k]);
     }
@@ -339,7 +344,7 @@ private:
         const Emitter& e = emitters_.emitters[code & ~kHitEmitter];
         return beyond(e.center, e.radius);
     }
-    void far_light(std::span<const std::uint32_t> parent, const PatchTable& table, double size, ReflectedLight* light) const;
+    void far_light(std::span<const std::uint32_t> parent, const PatchTable& table, Hash name, double size, ReflectedLight* light) const;
     ReflectedLight coarse_light(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
     void make_larger();
     void fill();

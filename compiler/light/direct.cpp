@@ -15,7 +15,6 @@ constexpr std::uint32_t kLeastTests = 4; // rays that have to say so
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
 constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
 constexpr double kAlike = 0.35;         // error targets by which what panes let through may differ over a luxel without a closer look
-constexpr std::uint64_t kTestsOfPatch = 4; // what a key is for, beside the tables of geometry (relight.cpp)
 constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a light in full view is evaluated
 double square(double x) {
     return x * x;
@@ -45,10 +44,12 @@ struct LuxelDirect {
 };
 struct PatchDirect {
     std::vector<std::uint64_t> refs;
-    std::vector<std::vector<LuxelDirect>> luxels;
+    std::vector<std::uint32_t> first; // per light, in `luxels`, and one more
+    std::vector<LuxelDirect> luxels;
     std::vector<std::uint8_t> divided;
     std::vector<std::uint64_t> rays;
-    template <class A> void fields(A& a) { a(refs, luxels, divided, rays); }
+    std::span<const LuxelDirect> of(std::size_t light) const { return std::span(luxels).subspan(first[light], first[light + 1] - first[light]); }
+    template <class A> void fields(A& a) { a(refs, first, luxels, divided, rays); }
 };
 } // namespace
 
@@ -125,7 +126,13 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         if (e > 0) e = std::exp2(std::round(8 * std::log2(e)) / 8);
     behind_.assign(n, {});
     std::vector<std::vector<LightRef>> emitters(n), entities(n);
-    clusters_.assign(n, {});
+    clusters_ = known_or<std::vector<Clusters>>(mix(table_.low, KeyOf::clusters), [&] {
+        std::vector<Clusters> out(n);
+        parallel_chunks(context_, n, 64, [&](std::size_t begin, std::size_t end) {
+            for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) out[p] = sight_.of_patch(surfaces_, patches_, p, scene_.push_off());
+        });
+        return out;
+    });
     std::uint64_t radiances = 0; // of all emitters
     for (const Emitter& e : emitters_.emitters) radiances = mix(radiances, hash_of(e.radiance).low);
     const auto test_entity = [&](Light light, const Footprint& footprint, const Sobol& points, double radius, std::uint32_t tests, bool closely) {
@@ -160,7 +167,6 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
             const Patch& patch = patches_.patches[p];
             if (!receives(p)) continue;
-            clusters_[p] = sight_.of_patch(surfaces_, patches_, p, scene_.push_off());
             const double radius = std::sqrt(patch.area), e = std::max(estimate_[p], floor_);
             const bool many_ways = looks_many_ways(p);
             // Entities, strongest first.
@@ -173,11 +179,13 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             std::ranges::sort(strong, [](const auto& x, const auto& y) {
                 return x.first != y.first ? x.first > y.first : x.second < y.second;
             });
-            const std::uint64_t key = memo_ ? mix(base_, table_.low, p, kTestsOfPatch) : 0;
-            PatchLights kept, now{mix(radiances, std::bit_cast<std::uint64_t>(estimate_[p]), std::bit_cast<std::uint64_t>(floor_)), {}, {}, 0, {}};
+            const std::uint64_t key = memo_ ? key_of(p, mix(base_, table_.low, p, KeyOf::tests)) : 0;
+            thread_local PatchLights kept;
+            kept.of = kept.rays = 0, kept.emitters.clear(), kept.behind.clear(), kept.tests.clear();
+            PatchLights now{mix(radiances, std::bit_cast<std::uint64_t>(estimate_[p]), std::bit_cast<std::uint64_t>(floor_)), {}, {}, 0, {}};
             std::optional<Footprint> made; // when it is asked for
             const auto footprint = [&]() -> const Footprint& { return made ? *made : made.emplace(footprint_of_patch(p)); };
-            if (const auto bytes = memo_ ? memo_->lights.find(key, {}) : std::nullopt) kept = from_bytes<PatchLights>(*bytes);
+            if (const auto bytes = memo_ ? memo_->lights.find(key, {}) : std::nullopt) read_whole(*bytes, kept);
             else if (footprint().empty()) continue;
             const Sobol points(seed_at(patch.centroid, 2));
             // Test rays: two for each luxel where much is at stake, so that no thin shadow falls between. For an entity where little is, no closer
@@ -535,10 +543,11 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     std::vector<double> variances(luxels.size());
     for (const std::uint32_t l : luxels) direct_[l] = {};
     brought_[p].assign(list.size(), 0);
-    const std::uint64_t key = memo_ ? mix(base_, table_.low, p, effort_[p], pass) : 0;
-    PatchDirect kept, now;
-    if (const auto bytes = memo_ && !luxels.empty() ? memo_->direct.find(key, {}) : std::nullopt) kept = from_bytes<PatchDirect>(*bytes);
-    const auto take = [&](std::size_t r, const std::vector<LuxelDirect>& part, std::uint8_t is_divided, std::uint64_t traced) {
+    const std::uint64_t key = memo_ ? key_of(p, mix(base_, table_.low, p, effort_[p], pass)) : 0;
+    thread_local PatchDirect kept, now;
+    kept.refs.clear(), now.refs.clear(), now.luxels.clear(), now.first.assign(1, 0);
+    if (const auto bytes = memo_ && !luxels.empty() ? memo_->direct.find(key, {}) : std::nullopt) read_whole(*bytes, kept);
+    const auto take = [&](std::size_t r, std::span<const LuxelDirect> part, std::uint8_t is_divided, std::uint64_t traced) {
         const Rgbd bright = brightness(list[r]);
         double brought = 0;
         for (std::size_t i = 0; i < part.size(); ++i) {
@@ -554,7 +563,7 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     };
     for (std::size_t r = 0; memo_ && r < list.size(); ++r) now.refs.push_back(hash_of_ref(list[r], false));
     if (memo_ && !luxels.empty() && kept.refs == now.refs) {
-        for (std::size_t r = 0; r < list.size(); ++r) take(r, kept.luxels[r], kept.divided[r], kept.rays[r]);
+        for (std::size_t r = 0; r < list.size(); ++r) take(r, kept.of(r), kept.divided[r], kept.rays[r]);
         return tell_variances();
     }
     std::vector<std::size_t> found(list.size(), SIZE_MAX); // in `kept`
@@ -564,12 +573,12 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     std::vector<LuxelKernel> kernels;
     std::vector<Receiver> receivers;
     const std::size_t n = luxels.size();
-    now.luxels.resize(list.size());
-    now.divided.resize(list.size()), now.rays.resize(list.size());
+    now.divided.assign(list.size(), 0), now.rays.assign(list.size(), 0);
+    std::vector<LuxelDirect> part;
     for (std::size_t r = 0; r < list.size(); ++r) {
-        std::vector<LuxelDirect>& part = now.luxels[r];
         if (found[r] != SIZE_MAX) {
-            part = kept.luxels[found[r]]; // not moved: of two equal lights at one place both come from there
+            const auto before = kept.of(found[r]); // not moved: of two equal lights at one place both come from there
+            part.assign(before.begin(), before.end());
             now.divided[r] = kept.divided[found[r]], now.rays[r] = kept.rays[found[r]];
         } else {
             for (std::size_t i = footprints.size(); i < n; ++i) footprints.push_back(footprint_of_luxel(luxels[i])), kernels.push_back(kernel_of(luxels[i]));
@@ -577,7 +586,7 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
             for (std::size_t i = 0; i < n; ++i)
                 if (!footprints[i].empty()) receivers.push_back({&footprints[i], &kernels[i], seed_at(luxel_centroid(surfaces_.luxels[luxels[i]]), pass)});
             now.divided[r] = direct_from(list[r], p, receivers, false, &now.rays[r]);
-            part.resize(n);
+            part.assign(n, {});
             bool dark = true;
             for (std::size_t i = 0, k = 0; i < n; ++i) {
                 if (footprints[i].empty()) continue;
@@ -587,6 +596,7 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
             if (dark) part.clear();
         }
         take(r, part, now.divided[r], now.rays[r]);
+        now.luxels.insert(now.luxels.end(), part.begin(), part.end()), now.first.push_back(static_cast<std::uint32_t>(now.luxels.size()));
     }
     tell_variances();
     if (memo_ && n) memo_->direct.keep(key, {}, {}, to_bytes(now));

@@ -13,18 +13,17 @@ namespace kiln {
 namespace {
 
 constexpr std::size_t kWays = kQuarters - 1;
-struct Leaves { // what two quarters say against two, in each of the three ways there are: as noisy as the mean of all four
-    std::array<Rgb, kWays> way{}; // floats: they tell of noise, and most of the time here is reading them
+using Four = float __attribute__((vector_size(16))); // floats: they tell of noise, and most of the time here is reading them
+struct Leaves { // of each colour what two quarters say against two, in each of the three ways there are: as noisy as the mean of all four. Or what all four say
+    std::array<Four, 3> of{};
     Leaves& operator+=(const Leaves& o) {
-        for (std::size_t k = 0; k < kWays; ++k) way[k] += o.way[k];
+        for (std::size_t c = 0; c < 3; ++c) of[c] += o.of[c];
         return *this;
     }
-    template <class By> Leaves operator*(By by) const { // a float or a colour of such
-        Leaves out = *this;
-        for (Rgb& w : out.way) w = w * by;
-        return out;
-    }
+    Leaves operator*(float by) const { return {{of[0] * by, of[1] * by, of[2] * by}}; }
+    Leaves operator*(Rgb by) const { return {{of[0] * by.x, of[1] * by.y, of[2] * by.z}}; }
 };
+static_assert(kQuarters == 4);
 // The difference between patches of h and 2 h is 2^order - 1 times the error that those of h make. Where light is smooth the order is 2, where it jumps 1; between
 // 2 h and 4 h it was found to grow 2 to 4 times: the estimate goes by 2, the upper bound by 1.
 constexpr double kOrderTwo = 3, kOrderOne = 1; // 2^order - 1
@@ -175,7 +174,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
         for (std::size_t i = begin; i < end; ++i) {
             const std::uint32_t l = chosen[i], p = luxel_patch_[l];
             const bool encoding = i % 4 == 0;
-            const std::uint64_t key = memo_ ? mix(gather_key(p), std::bit_cast<std::uint64_t>(floor_), effort_[p], l, pilots_, static_cast<std::uint64_t>(rough) | std::uint64_t{encoding} << 1) : 0;
+            const std::uint64_t key = memo_ ? key_of(p, mix(gather_key(p), std::bit_cast<std::uint64_t>(floor_), effort_[p], l, pilots_, static_cast<std::uint64_t>(rough) | std::uint64_t{encoding} << 1)) : 0;
             if (const auto kept = memo_ ? memo_->pilot.find(key, states_coarse_) : std::nullopt) {
                 results[i] = from_bytes<PilotLuxel>(*kept);
                 continue;
@@ -263,10 +262,11 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
 double Bake::solution_noise() const {
     constexpr int kMostSweeps = 256;
     constexpr double kLeft = 0.1; // of the whole: what may be left of later bounces
+    constexpr std::size_t kMostAsked = 4096; // patches, at the end
     const std::uint32_t m = quality_.row_rays, part = m / kQuarters;
     const std::size_t n = patches_.patches.size();
-    std::vector<Rgbd> rho, reflected;
-    for (std::size_t p = 0; p < n; ++p) rho.push_back(static_cast<Rgbd>(patches_.patches[p].reflectance)), reflected.push_back(rho[p] * (rest_[p] + solved_direct_[p]));
+    std::vector<Rgb> rho, reflected;
+    for (std::size_t p = 0; p < n; ++p) rho.push_back(patches_.patches[p].reflectance), reflected.push_back(rho[p] * static_cast<Rgb>(rest_[p] + solved_direct_[p]));
     constexpr std::size_t kChunk = 256;
     const std::size_t chunks = slots_of(n, kChunk);
     const auto each_patch = [&](const auto& body) {
@@ -274,48 +274,67 @@ double Bake::solution_noise() const {
             for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) body(p, begin / kChunk);
         });
     };
-    std::vector<Leaves> told(n), sum(n), next(n), leaving(n);
+    std::vector<Leaves> told(n);
     each_patch([&](std::uint32_t p, std::size_t) {
-        std::array<Rgbd, kQuarters> arriving{}; // times the rays of a quarter
+        Leaves arriving; // times the rays of a quarter
         for_met(p, [&](std::uint32_t code, const Quarters& met) {
-            Rgbd light = is_patch(code) ? reflected[code] : code == kHitEscaped ? sky_ * std::numbers::pi : Rgbd{};
-            if (const std::uint32_t emitter = emitter_of(code); emitter != UINT32_MAX && !listed(p, emitter)) light += emitters_.emitters[emitter].radiance * std::numbers::pi;
-            for (std::uint32_t q = 0; q < kQuarters; ++q) arriving[q] += light * met.rays[q];
+            Rgb light = is_patch(code) ? reflected[code] : code == kHitEscaped ? static_cast<Rgb>(sky_ * std::numbers::pi) : Rgb{};
+            if (const std::uint32_t emitter = emitter_of(code); emitter != UINT32_MAX && !listed(p, emitter)) light += static_cast<Rgb>(emitters_.emitters[emitter].radiance * std::numbers::pi);
+            const Four rays{static_cast<float>(met.rays[0]), static_cast<float>(met.rays[1]), static_cast<float>(met.rays[2]), static_cast<float>(met.rays[3])};
+            arriving += Leaves{{rays, rays, rays}} * light;
         });
         for_pane_rays(p, [&](std::uint64_t ray) {
-            Rgbd& to = arriving[(ray - std::uint64_t{p} * m) / part];
-            to += emission_through_panes(ray, p, true) * std::numbers::pi;
+            Rgb light = static_cast<Rgb>(emission_through_panes(ray, p, true) * std::numbers::pi);
             for (const PaneRays::Met& met : pane_rays_.of(ray))
-                if (is_patch(met.code)) to += reflected[met.code] * static_cast<Rgbd>(met.reflected);
+                if (is_patch(met.code)) light += reflected[met.code] * met.reflected;
+            for (std::size_t c = 0; c < 3; ++c) arriving.of[c][(ray - std::uint64_t{p} * m) / part] += light[c];
         });
-        for (std::uint32_t k = 0; k < kWays; ++k)
-            for (std::uint32_t q = 0; q < kQuarters; ++q) told[p].way[k] += static_cast<Rgb>(arriving[q] * ((q == 0 || q == k + 1 ? 0.25 : -0.25) / part));
+        const float share = 0.25f / static_cast<float>(part);
+        for (std::size_t c = 0; c < 3; ++c)
+            for (std::size_t k = 0; k < kWays; ++k)
+                for (std::size_t q = 0; q < kQuarters; ++q) told[p].of[c][k] += arriving.of[c][q] * (q == 0 || q == k + 1 ? share : -share);
     });
-    // Most of such noise averages out at the first bounces; what all of a bright room has in common does not.
+    // Most of such noise averages out at the first bounces; what all of a bright room has in common does not, and larger patches tell of that as well.
+    const std::size_t larger = larger_.parts.size();
+    std::vector<Leaves> all_told(larger), sum(larger), next(larger), leaving(larger);
+    std::vector<Rgb> larger_rho(larger);
+    for (std::size_t c = 0; c < larger; ++c)
+        for (const std::uint32_t p : larger_.parts[c])
+            if (larger_.area[c] > 0) {
+                const auto share = static_cast<float>(patches_.patches[p].area / larger_.area[c]);
+                all_told[c] += told[p] * share, larger_rho[c] += rho[p] * share;
+            }
     double rho_max = 0;
-    for (const Rgbd& r : rho) rho_max = std::max(rho_max, max_component(r));
-    std::vector<double> change(chunks), all(chunks);
-    sum = told;
+    for (const Rgb& r : larger_rho) rho_max = std::max(rho_max, static_cast<double>(max_component(r)));
+    const std::size_t larger_chunks = slots_of(larger, kChunk);
+    std::vector<double> change(larger_chunks), all(larger_chunks);
+    sum = all_told;
     for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-        for (std::size_t p = 0; p < n; ++p) leaving[p] = sum[p] * static_cast<Rgb>(rho[p]);
-        change.assign(chunks, 0), all.assign(chunks, 0);
-        each_patch([&](std::uint32_t p, std::size_t chunk) {
-            next[p] = told[p];
-            const auto add = [&](std::uint32_t patch, auto factor) {
-                if constexpr (std::is_same_v<decltype(factor), double>) next[p] += leaving[patch] * static_cast<float>(factor);
-                else next[p] += leaving[patch] * static_cast<Rgb>(factor);
-            };
-            for_row(rows_, p, add);
-            for (std::size_t k = 0; k < kWays; ++k) {
-                const Rgbd now = static_cast<Rgbd>(next[p].way[k]), d = now - static_cast<Rgbd>(sum[p].way[k]);
-                change[chunk] += dot(d, d), all[chunk] += dot(now, now);
+        for (std::size_t c = 0; c < larger; ++c) leaving[c] = sum[c] * larger_rho[c];
+        change.assign(larger_chunks, 0), all.assign(larger_chunks, 0);
+        parallel_chunks(context_, larger, kChunk, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t c = begin; c < end; ++c) {
+                next[c] = all_told[c];
+                for_row(larger_.rows, c, [&](std::uint32_t from, auto factor) {
+                    if constexpr (std::is_same_v<decltype(factor), double>) next[c] += leaving[from] * static_cast<float>(factor);
+                    else next[c] += leaving[from] * static_cast<Rgb>(factor);
+                });
+                for (std::size_t k = 0; k < 3; ++k) {
+                    const Four now = next[c].of[k], d = now - sum[c].of[k];
+                    for (std::size_t w = 0; w < kWays; ++w) change[begin / kChunk] += static_cast<double>(d[w]) * static_cast<double>(d[w]), all[begin / kChunk] += static_cast<double>(now[w]) * static_cast<double>(now[w]);
+                }
             }
         });
         std::swap(sum, next);
         const double left = std::sqrt(std::accumulate(change.begin(), change.end(), 0.0)) * rho_max;
         if (left <= kLeft * (1 - rho_max) * std::sqrt(std::accumulate(all.begin(), all.end(), 0.0))) break;
     }
-    for (std::size_t p = 0; p < n; ++p) sum[p] = sum[p] * static_cast<Rgb>(rho[p]);
+    // Of each patch what it leaves: its own noise, and what the bounces have made of that of all.
+    for (std::size_t p = 0; p < n; ++p) {
+        const std::uint32_t c = larger_.of[p];
+        for (std::size_t k = 0; k < 3; ++k) told[p].of[k] += sum[c].of[k] - all_told[c].of[k];
+        told[p] = told[p] * rho[p];
+    }
     // What such a difference is in gathered light. By both halves of a row: their product has no share of the row's own noise.
     Rgbd level;
     double area = 0;
@@ -325,27 +344,33 @@ double Bake::solution_noise() const {
     }
     if (!(area > 0)) return 0;
     level = level / area;
-    std::vector<double> noise(chunks);
+    // A part of many patches tells of all.
+    const std::uint32_t one_in = static_cast<std::uint32_t>(std::clamp<std::size_t>(n / kMostAsked, 1, 16));
+    std::vector<double> noise(chunks), asked(chunks);
     each_patch([&](std::uint32_t p, std::size_t chunk) {
+        if (p % one_in) return;
         const double a = luxel_area_of(p);
-        if (!(a > 0) || covered_[p]) return;
-        std::array<Leaves, 2> half;
+        if (!(a > 0)) return;
+        asked[chunk] += a;
+        if (covered_[p]) return;
+        std::array<Leaves, 2> half{};
         for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) {
             const auto& rays = met_[k].rays;
             for (std::size_t h = 0; h < 2; ++h)
-                if (const auto count = static_cast<float>(rays[2 * h] + rays[2 * h + 1]); count > 0) half[h] += sum[rows_.patch[k]] * count;
+                if (const auto count = static_cast<float>(rays[2 * h] + rays[2 * h + 1]); count > 0) half[h] += told[rows_.patch[k]] * count;
         }
         for_pane_rays(p, [&](std::uint64_t ray) {
             for (const PaneRays::Met& met : pane_rays_.of(ray))
-                if (is_patch(met.code)) half[(ray - std::uint64_t{p} * m) * 2 / m] += sum[met.code] * met.reflected;
+                if (is_patch(met.code)) half[(ray - std::uint64_t{p} * m) * 2 / m] += told[met.code] * met.reflected;
         });
         const Rgbd now = rest_[p] + solved_direct_[p];
         for (std::size_t c = 0; c < 3; ++c) {
             const double scale = std::max(now[c], options_.error_floor * level[c]) * m / 2;
-            for (std::size_t k = 0; k < kWays && scale > 0; ++k) noise[chunk] += a * static_cast<double>(half[0].way[k][c]) * static_cast<double>(half[1].way[k][c]) / (scale * scale) / (3.0 * kWays);
+            for (std::size_t k = 0; k < kWays && scale > 0; ++k) noise[chunk] += a * static_cast<double>(half[0].of[c][k]) * static_cast<double>(half[1].of[c][k]) / (scale * scale) / (3.0 * kWays);
         }
     });
-    return std::sqrt(std::max(0.0, std::accumulate(noise.begin(), noise.end(), 0.0) / area));
+    const double of = std::accumulate(asked.begin(), asked.end(), 0.0);
+    return of > 0 ? std::sqrt(std::max(0.0, std::accumulate(noise.begin(), noise.end(), 0.0) / of)) : 0;
 }
 
 ErrorReport Bake::error_report(const PilotResult& check, double solution) const {

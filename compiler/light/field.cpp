@@ -42,7 +42,7 @@ void LightField::Data::tell_states() {
     const Data& d = *this;
     states.reserve(d.part_count());
     const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
-    for (const Rgb& r : d.place_reflected) states.push_back(mix(bits(r.x) | bits(r.y) << 32, bits(r.z)));
+    for (const Rgb& r : d.place_reflected) states.push_back(mix(chained(0, r)));
     ByteWriter w;
     w(d.sky);
     for (const Emitter& e : d.emitters.emitters) w(e.radiance);
@@ -51,12 +51,13 @@ void LightField::Data::tell_states() {
     states.insert(states.end(), d.place_even.begin(), d.place_even.end());
     std::vector<std::uint64_t> ids;
     for (const Light& light : d.lights) ids.push_back(light_id(light));
-    for (std::uint32_t piece = 0; piece < d.surfaces.pieces.size(); ++piece) {
+    std::vector<std::uint64_t> of_patch;
+    for (std::size_t p = 0; p + 1 < d.lighting.first_brought.size(); ++p) {
         std::uint64_t state = 0;
-        if (!d.lighting.first_brought.empty())
-            for (const LightBrings& b : d.entities_of(piece)) state = chained(state, chained(ids[b.light], bits(b.irradiance)));
-        states.push_back(mix(state));
+        for (const LightBrings& b : d.entities_of_patch(p)) state = chained(state, chained(ids[b.light], bits(b.irradiance)));
+        of_patch.push_back(mix(state));
     }
+    for (const std::uint32_t patch : d.lighting.piece_patch) states.push_back(of_patch.empty() ? 0 : of_patch[patch]);
 }
 
 const std::vector<std::uint64_t>& LightField::part_states() const {

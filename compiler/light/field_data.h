@@ -34,10 +34,11 @@ struct LightField::Data {
     std::uint32_t even_part(std::uint32_t piece) const { return emitters_part() + 1 + piece; }
     std::uint32_t entities_part(std::uint32_t piece) const { return even_part(piece) + static_cast<std::uint32_t>(surfaces.pieces.size()); }
     std::size_t part_count() const { return entities_part(static_cast<std::uint32_t>(surfaces.pieces.size())); }
-    std::span<const LightBrings> entities_of(std::uint32_t piece) const {
-        const std::uint32_t patch = lighting.piece_patch[piece], first = lighting.first_brought[patch];
+    std::span<const LightBrings> entities_of_patch(std::size_t patch) const {
+        const std::uint32_t first = lighting.first_brought[patch];
         return std::span(lighting.brought).subspan(first, lighting.first_brought[patch + 1] - first);
     }
+    std::span<const LightBrings> entities_of(std::uint32_t piece) const { return entities_of_patch(lighting.piece_patch[piece]); }
 
     // Where a hit lies; of a place radiance reflected there.
     std::uint32_t place_at(const SceneHit& hit) const;

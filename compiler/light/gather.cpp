@@ -386,13 +386,14 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
     for (const std::uint32_t p : patches) new_[p] = 1;
     parallel_chunks(context_, "light: gather", patches.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         thread_local Looked looked;
+        thread_local PatchGather gathered;
         for (const std::uint32_t p : patches.subspan(begin, end - begin)) {
             if (covered_[p] || patch_luxel_first_[p] == patch_luxel_first_[p + 1]) continue;
             const std::uint64_t stream = pass == Pass::first ? 4 : 16 + rays_[p] + (own_round_ << 32);
-            const std::uint64_t key = memo_ ? mix(gather_key(p), stream, static_cast<std::uint64_t>(pass == Pass::last)) : 0;
-            PatchGather gathered;
+            const std::uint64_t key = memo_ ? key_of(p, mix(gather_key(p), stream, static_cast<std::uint64_t>(pass == Pass::last))) : 0;
+            gathered.luxels.clear(), gathered.met.clear();
             if (const auto kept = memo_ ? memo_->gather.find(key, states_) : std::nullopt) {
-                gathered = from_bytes<PatchGather>(*kept);
+                read_whole(*kept, gathered);
             } else {
                 Guide guide;
                 patch_guide(p, &guide);
@@ -409,7 +410,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 if (memo_) memo_->gather.keep(key, states_, looked.parts(), to_bytes(gathered));
             }
             double variance = 0;
-            if (memo_) gathered_hash_[p] = hash_bytes({reinterpret_cast<const std::uint8_t*>(gathered.luxels.data()), gathered.luxels.size() * sizeof(StoredGather)}).low;
+            if (memo_) gathered_hash_[p] = hash_bytes(raw_bytes(gathered.luxels)).low;
             for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
                 const std::uint32_t l = patch_luxels_[k];
                 const StoredGather& g = gathered.luxels[k - patch_luxel_first_[p]];
@@ -435,7 +436,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
             variance *= std::pow(rays_[p], 2 * kNoiseRate) / (kQuarterSpread * kQuarterSpread);
             noise_[p] = (noise_[p] * noise_weight_[p] + variance * rays_[p]) / (noise_weight_[p] + rays_[p]);
             noise_weight_[p] += rays_[p];
-            found[p] = std::move(gathered.met);
+            if (!gathered.met.empty()) found[p] = gathered.met;
         }
     });
     for (const HitCounts& c : counts) counts_ += c;

@@ -1,4 +1,5 @@
 #include "compiler/light/kept_rest.h"
+#include "compiler/light/field_data.h"
 #include <algorithm>
 #include <bit>
 
@@ -10,11 +11,18 @@ constexpr std::size_t kMostLights = 4096;      // then it begins anew
 
 // What is kept of a bundle: what it met, and what emitters with rays of their own brought when its light was `seen`.
 struct KeptBundle {
+    std::uint64_t name = 0; // a hash of the rest
     FieldBundle bundle;
     std::uint64_t seen = 0;
     FieldEmitters emitters;
-    template <class A> void fields(A& a) { a(bundle, seen, emitters); }
+    template <class A> void fields(A& a) { a(name, bundle, seen, emitters); }
 };
+std::uint64_t name_of(std::span<const std::uint8_t> kept) {
+    std::uint64_t name = 0;
+    if (kept.size() < sizeof name) throw ArchiveError("archive ends early");
+    std::memcpy(&name, kept.data(), sizeof name);
+    return name;
+}
 struct KeptStates {
     std::vector<std::uint64_t> states, lights;
     std::vector<std::uint32_t> since;
@@ -31,8 +39,9 @@ std::span<const std::uint8_t> vector_of(std::span<const std::uint8_t>& bytes, st
     bytes = bytes.subspan(out.size());
     return out;
 }
-// Is it so for all places that rays and terms of a bundle name? Of the bundle as FieldBundle::fields writes it: most are asked for nothing else.
-template <class Ok> bool each_place(std::span<const std::uint8_t> bundle, const Ok& ok) {
+// Is it so for all places that rays and terms of a bundle name? Of the bundle as it is kept: most are asked for nothing else.
+template <class Ok> bool each_place(std::span<const std::uint8_t> kept, const Ok& ok) {
+    std::span<const std::uint8_t> bundle = kept.subspan(sizeof KeptBundle::name);
     const auto all = [&](std::span<const std::uint8_t> of, std::size_t step) { // each begins with its place
         for (std::size_t i = 0; i < of.size(); i += step) {
             std::uint32_t place = 0;
@@ -50,7 +59,22 @@ template <class Ok> bool each_place(std::span<const std::uint8_t> bundle, const 
 } // namespace
 
 KeptRest::KeptRest(const LightField& field, Memo* memo) : field_(field), memo_(memo) {
-    if (memo) shining_ = field.shining_faces(), states_ = field.part_states(), emitters_ = states_[field.light_parts() - 1], note_changes();
+    if (!memo) return;
+    for (const Vec3& p : field.data().surfaces.positions) bounds_.add(p);
+    shining_ = field.shining_faces(), states_ = field.part_states(), emitters_ = states_[field.light_parts() - 1];
+    note_changes();
+}
+
+// By cubes of a 64th of the map a side, along a curve that fills it.
+std::uint64_t KeptRest::key_at(Vec3 point, std::uint64_t hash) const {
+    constexpr int kBits = 6;
+    std::uint64_t place = 0;
+    for (std::size_t a = 0; a < 3; ++a) {
+        const double size = bounds_.hi[a] - bounds_.lo[a], share = size > 0 ? (point[a] - bounds_.lo[a]) / size : 0;
+        const auto at = static_cast<std::uint64_t>(std::clamp(share * (1 << kBits), 0.0, (1 << kBits) - 1.0));
+        for (int b = 0; b < kBits; ++b) place |= (at >> b & 1) << (3 * static_cast<std::size_t>(b) + a);
+    }
+    return kiln::key_at(place, std::uint64_t{1} << (3 * kBits), hash);
 }
 
 void KeptRest::note_changes() {
@@ -83,12 +107,13 @@ void KeptRest::sum(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t se
         key = mix(shining_, seed, rays);
         for (const Vec3& v : {point, normal})
             for (std::size_t a = 0; a < 3; ++a) key = mix(key, std::bit_cast<std::uint64_t>(v[a]));
+        key = key_at(point, key);
     }
-    const auto key_of_sum = [&](std::span<const std::uint8_t> bundle) { return mix(key, kSum, of, hash_bytes(bundle).low); };
+    const auto key_of_sum = [&](std::uint64_t name) { return key_at(point, mix(key, kSum, of, name)); };
     thread_local Looked looked;
     const auto bytes = memo_ ? memo_->find(key, states_) : std::nullopt;
     if (bytes)
-        if (const auto kept = memo_->find(key_of_sum(*bytes), {}); kept && kept->size() == sizeof(std::uint64_t) + out.size()) {
+        if (const auto kept = memo_->find(key_of_sum(name_of(*bytes)), {}); kept && kept->size() == sizeof(std::uint64_t) + out.size()) {
             std::uint64_t light = 0;
             std::memcpy(&light, kept->data(), sizeof light);
             if (unchanged(*bytes, light)) {
@@ -101,12 +126,13 @@ void KeptRest::sum(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t se
     else kept.bundle = field_.bundle(point, normal, rays, seed, memo_ ? &looked : nullptr);
     const std::vector<Rgbd> reflected = field_.reflected(kept.bundle);
     const std::uint64_t seen = memo_ ? seen_of(reflected) : 0;
-    std::uint64_t sum_key = memo_ && bytes ? key_of_sum(*bytes) : 0;
+    std::uint64_t sum_key = memo_ && bytes ? key_of_sum(kept.name) : 0;
     if (!bytes || kept.seen != seen) {
         kept.emitters = field_.emitters(kept.bundle, reflected, point, normal, seed), kept.seen = seen;
         if (memo_) {
+            kept.name = 0, kept.name = hash_of(kept).low;
             const Bytes now = to_bytes(kept);
-            sum_key = key_of_sum(now);
+            sum_key = key_of_sum(kept.name);
             if (bytes) memo_->renew(key, states_, now);
             else memo_->keep(key, states_, looked.parts(), now);
         }

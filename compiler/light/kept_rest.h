@@ -28,8 +28,11 @@ private:
     // Is all that the bundle (as it is kept) reads what it was in that light?
     bool unchanged(std::span<const std::uint8_t> bundle, std::uint64_t light) const;
 
+    std::uint64_t key_at(Vec3 point, std::uint64_t hash) const;
+
     const LightField& field_;
     Memo* memo_;
+    Box3 bounds_; // of the surfaces
     std::uint64_t shining_ = 0, emitters_ = 0;
     std::vector<std::uint64_t> states_;
     // The lights of all runs, each a hash of all states of light; per state, from which of them on it has been what it is.

@@ -48,9 +48,8 @@ bool seen_of(std::span<const std::uint8_t> parts, const std::vector<std::uint64_
 const Memo::Entry* Memo::Table::entry(std::uint64_t key) const {
     KILN_CHECK_OP(from.size(), >, 1u);
     const std::size_t range = from.size() > 2 ? key >> (65 - std::bit_width(from.size() - 1)) : 0;
-    for (std::size_t i = from[range]; i < from[range + 1]; ++i)
-        if (entries[i].key == key) return &entries[i];
-    return nullptr;
+    const auto end = entries.begin() + from[range + 1], at = std::lower_bound(entries.begin() + from[range], end, key, [](const Entry& e, std::uint64_t k) { return e.key < k; });
+    return at != end && at->key == key ? &*at : nullptr;
 }
 
 void Memo::Table::begin() {
@@ -61,7 +60,7 @@ void Memo::Table::begin() {
         end = e.end;
     }
     found.assign(entries.size(), 0), changed = false;
-    // Keys are hashes: an entry or so in each.
+    // Keys are spread evenly, or nearly so: a few entries in each at most.
     const std::size_t ranges = std::bit_ceil(entries.size() + 1);
     from.assign(ranges + 1, static_cast<std::uint32_t>(entries.size()));
     for (std::size_t i = entries.size(); i-- > 0;) from[ranges > 1 ? entries[i].key >> (65 - std::bit_width(ranges)) : 0] = static_cast<std::uint32_t>(i);

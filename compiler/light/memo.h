@@ -3,8 +3,10 @@
 #pragma once
 #include "libs/core/file.h"
 #include "libs/core/hash.h"
+#include "libs/math/vec.h"
 #include <array>
 #include <atomic>
+#include <bit>
 #include <functional>
 #include <mutex>
 #include <optional>
@@ -17,6 +19,29 @@ namespace kiln {
 // One state after the other, cheaper than mix(), with which it has to end.
 constexpr std::uint64_t chained(std::uint64_t sum, std::uint64_t state) {
     return (sum ^ state) * 0x9E3779B97F4A7C15ull + (sum >> 29);
+}
+inline std::uint64_t chained(std::uint64_t sum, Rgb light) {
+    const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
+    return chained(chained(sum, bits(light.x) | bits(light.y) << 32), bits(light.z));
+}
+
+// A key of something at one of so many places. What is asked for place by place then lies so, in tables of keys and in their bytes.
+constexpr std::uint64_t key_at(std::uint64_t place, std::uint64_t places, std::uint64_t hash) {
+    const std::uint64_t each = ~std::uint64_t{0} / places;
+    return place * each + hash % each;
+}
+
+// Values as they lie.
+template <class T> std::span<const std::uint8_t> raw_bytes(const std::vector<T>& values) {
+    static_assert(detail::Raw<T>);
+    return {reinterpret_cast<const std::uint8_t*>(values.data()), values.size() * sizeof(T)};
+}
+
+// As from_bytes, into what may have room for it already.
+template <class T> void read_whole(std::span<const std::uint8_t> bytes, T& value) {
+    ByteReader r(bytes);
+    r(value);
+    if (r.left()) throw ArchiveError("archive holds more than its value");
 }
 
 // What a computation looked at: parts of a whole, each once.

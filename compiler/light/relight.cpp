@@ -8,15 +8,14 @@
 
 namespace kiln {
 namespace {
-void write(ByteWriter& w, const ReflectedLight& light, const Surfaces& surfaces, std::uint32_t p, std::span<const std::uint32_t> luxels) {
-    w(light.patch[p], light.far[p]);
+std::uint64_t with_reflected(std::uint64_t sum, const ReflectedLight& light, const Surfaces& surfaces, std::uint32_t p, std::span<const std::uint32_t> luxels) {
+    sum = chained(chained(sum, light.patch[p]), light.far[p]);
     for (const std::uint32_t l : luxels) {
         const std::size_t texel = texel_of(surfaces, surfaces.luxels[l]);
-        w(light.texel[texel], light.direct[texel], light.steep[texel]);
+        sum = chained(chained(chained(sum, light.texel[texel]), light.direct[texel]), std::uint64_t{light.steep[texel]});
     }
+    return sum;
 }
-// What keys of geometry alone are for.
-constexpr std::uint64_t kOfEdges = 1, kOfPatches = 2, kOfNeighbours = 3;
 } // namespace
 
 std::uint64_t light_id(Light light) {
@@ -32,7 +31,7 @@ void Bake::open_memo() {
         light_shapes_.push_back(light_id(l));
     }
     ByteWriter w;
-    w(options_, sealed_, scene_.instruction_set(), emitters_.of_face, surfaces_.pieces, surfaces_.luxels);
+    w(options_, sealed_, scene_.instruction_set(), emitters_.of_face, hash_bytes(raw_bytes(surfaces_.pieces)), hash_bytes(raw_bytes(surfaces_.luxels)));
     for (const auto& cone : cones_) w(cone ? cone->cone_deg() : -1.0);
     geometry_ = hash_bytes(w.bytes).low;
     w(sky_);
@@ -51,17 +50,17 @@ void Bake::name_table() {
 }
 
 PieceEdges Bake::piece_edges() const {
-    return known_or<PieceEdges>(mix(geometry_, kOfEdges), [&] { return piece_adjacency(surfaces_); });
+    return known_or<PieceEdges>(mix(geometry_, KeyOf::edges), [&] { return piece_adjacency(surfaces_); });
 }
 
 PatchTable Bake::patches_of(double h) const {
     ByteWriter w;
     for (const Material& m : world_.materials) w(m.reflectance, m.emission);
-    return known_or<PatchTable>(mix(geometry_, kOfPatches, hash_bytes(w.bytes).low, std::bit_cast<std::uint64_t>(h)), [&] { return build_patches(world_, surfaces_, edges_, h); });
+    return known_or<PatchTable>(mix(geometry_, KeyOf::patches, hash_bytes(w.bytes).low, std::bit_cast<std::uint64_t>(h)), [&] { return build_patches(world_, surfaces_, edges_, h); });
 }
 
 TouchingPatches Bake::touching(const PatchTable& table, Hash name) const {
-    return known_or<TouchingPatches>(mix(name.low, kOfNeighbours), [&] { return touching_patches(edges_, table); });
+    return known_or<TouchingPatches>(mix(name.low, KeyOf::neighbours), [&] { return touching_patches(edges_, table); });
 }
 
 namespace {
@@ -104,9 +103,9 @@ bool Bake::load_rows() {
         PaneRays panes;
         std::array<std::uint64_t, 3> counts{};
         std::vector<std::uint8_t> covered;
-        read_held(r, file, rows.first, lone_first), read_held(r, file, met, lone_met), read_held(r, file, hits, rows.patch, lone), read_held(r, file, cells);
+        read_held(r, file, rows.first, lone_first), read_held(r, file, met, lone_met), read_held(r, file, hits, rows.patch, lone), read_held(r, file, rows.weight), read_held(r, file, cells);
         r(panes, counts, covered);
-        if (hits.size() != n * quality_.row_rays || cells.size() != hits.size() || covered.size() != n || met.size() != rows.patch.size() || lone_met.size() != lone.size() ||
+        if (hits.size() != n * quality_.row_rays || cells.size() != hits.size() || covered.size() != n || met.size() != rows.patch.size() || rows.weight.size() != rows.patch.size() || lone_met.size() != lone.size() ||
             !fits(rows.first, n, met.size()) || !fits(lone_first, n, lone.size()))
             return false;
         hits_ = std::move(hits), hit_cells_ = std::move(cells), covered_ = std::move(covered), pane_rays_ = std::move(panes);
@@ -117,7 +116,7 @@ bool Bake::load_rows() {
 }
 
 void Bake::save_rows(const std::array<std::uint64_t, 3>& counts) {
-    save_table(memo_, table_, rows_.first, lone_first_, met_, lone_met_, hits_, rows_.patch, lone_, hit_cells_, pane_rays_, counts, covered_);
+    save_table(memo_, table_, rows_.first, lone_first_, met_, lone_met_, hits_, rows_.patch, lone_, rows_.weight, hit_cells_, pane_rays_, counts, covered_);
 }
 
 bool Bake::load_larger_rows() {
@@ -137,13 +136,16 @@ void Bake::save_larger_rows() {
 // All that a ray may read at a patch.
 void Bake::note_reflected(std::uint32_t p) {
     const std::span<const std::uint32_t> luxels = luxels_of(p);
-    ByteWriter w;
-    w(bright_[p], emitted_by(p), patches_.patches[p].reflectance);
-    write(w, reflected_, surfaces_, p, luxels);
-    reflects_[p] = hash_bytes(w.bytes).low;
-    w.bytes.clear();
-    write(w, coarse_, surfaces_, p, luxels), write(w, coarse_luxels_, surfaces_, p, luxels);
-    reflects_coarse_[p] = hash_bytes(w.bytes).low;
+    reflects_[p] = mix(with_reflected(chained(light_seen(p), patches_.patches[p].reflectance), reflected_, surfaces_, p, luxels));
+    reflects_coarse_[p] = mix(with_reflected(with_reflected(0, coarse_, surfaces_, p, luxels), coarse_luxels_, surfaces_, p, luxels));
+}
+
+// What the guide of a patch that sees it has from it.
+std::uint64_t Bake::light_seen(std::uint32_t p) const {
+    const Rgbd emitted = emitted_by(p);
+    std::uint64_t sum = 0;
+    for (const double x : {bright_[p], emitted.x, emitted.y, emitted.z}) sum = chained(sum, std::bit_cast<std::uint64_t>(x));
+    return mix(sum);
 }
 
 // After a solution: that, and what the guides of others have from it.
@@ -153,13 +155,7 @@ void Bake::note_solution() {
     std::vector<std::uint64_t> seen(n);
     constexpr std::size_t kChunk = 256;
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
-        ByteWriter w;
-        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
-            note_reflected(p);
-            w.bytes.clear();
-            w(bright_[p], emitted_by(p));
-            seen[p] = hash_bytes(w.bytes).low;
-        }
+        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) note_reflected(p), seen[p] = light_seen(p);
     });
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
         for (std::size_t p = begin; p < end; ++p) {

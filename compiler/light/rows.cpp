@@ -116,7 +116,7 @@ constexpr std::size_t kRowsAtOnce = 256;
 
 } // namespace
 
-// What each row met, in the order in which it was met first.
+// What each row met, in the order of the patches: those side by side mostly lie so in memory, too.
 void Bake::merge_hits() {
     const std::uint32_t m = quality_.row_rays;
     const std::size_t n = patches_.patches.size();
@@ -124,6 +124,7 @@ void Bake::merge_hits() {
     parallel_chunks(context_, n, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
         thread_local std::vector<std::uint32_t> place; // of a patch in the row; UINT32_MAX in between
         place.resize(std::max(place.size(), n), UINT32_MAX);
+        std::vector<std::pair<std::uint32_t, Quarters>> sorted;
         auto& [met_first, met] = patches.parts[begin / kRowsAtOnce];
         auto& [alone_first, alone] = lone.parts[begin / kRowsAtOnce];
         for (std::size_t row = begin; row < end; ++row) {
@@ -141,7 +142,10 @@ void Bake::merge_hits() {
                     ++other_rays[static_cast<std::size_t>(at)].rays[quarter];
                 }
             }
-            for (std::size_t k = first; k < codes.size(); ++k) place[codes[k]] = UINT32_MAX;
+            for (std::size_t k = first; k < codes.size(); ++k) sorted.emplace_back(codes[k], rays[k]), place[codes[k]] = UINT32_MAX;
+            std::ranges::sort(sorted, {}, [](const auto& s) { return s.first; });
+            for (std::size_t k = first; k < codes.size(); ++k) std::tie(codes[k], rays[k]) = sorted[k - first];
+            sorted.clear();
             met_first.push_back(codes.size()), alone_first.push_back(others.size());
         }
     });
@@ -173,6 +177,7 @@ void Bake::merge_larger() {
                     if (sum[to] == 0) patch.push_back(to);
                     sum[to] += static_cast<double>(rows_.weight[k]) * patches_.patches[p].area / larger_.area[row];
                 }
+            std::ranges::sort(std::span(patch).subspan(first));
             for (std::size_t k = first; k < patch.size(); ++k) weight.push_back(static_cast<float>(sum[patch[k]])), sum[patch[k]] = 0;
             ends.push_back(patch.size());
         }
@@ -182,9 +187,7 @@ void Bake::merge_larger() {
 
 // All that rays of rows tell, from an earlier bake where they are known.
 void Bake::make_rows() {
-    if (load_rows()) {
-        weigh_rows();
-    } else {
+    if (!load_rows()) {
         const HitCounts counts = trace_rows();
         counts_ += counts;
         merge_hits(), weigh_rows();
@@ -224,9 +227,10 @@ std::vector<Rgbd> Bake::solve_gathered(const std::vector<Rgbd>& rho) {
 // Until the bound on the error is below the share `iteration` of the mean.
 std::vector<Rgbd> Bake::solve(const Rows& rows, const std::vector<Rgbd>& direct, const std::vector<Rgbd>& rho,
                               std::uint32_t* iterations, double* residual) {
-    Bounces solved = solve_bounces(direct, rho, quality_.iteration, context_, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
+    const auto add_row = [&](std::size_t p, const auto& b, auto& sum) {
         for_row(rows, p, [&](std::uint32_t patch, auto factor) { sum += b[patch] * factor; });
-    });
+    };
+    Bounces solved = quality_.iteration >= kQuickShare ? solve_bounces<QuickLight>(direct, rho, quality_.iteration, context_, add_row) : solve_bounces(direct, rho, quality_.iteration, context_, add_row);
     *iterations = solved.sweeps, *residual = solved.residual;
     return std::move(solved.irradiance);
 }

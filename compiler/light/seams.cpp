@@ -1,5 +1,6 @@
 #include "compiler/light/seams.h"
 #include "compiler/light/bake.h"
+#include "libs/core/check.h"
 #include "libs/core/union_find.h"
 #include "libs/parallel/parallel.h"
 #include <Eigen/SparseCholesky>
@@ -102,7 +103,7 @@ std::vector<std::vector<SeamLine>> seam_lines(const Surfaces& s) {
     return out;
 }
 
-std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, const TraceScene& scene, double density, Context& context) {
+std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, const TraceScene& scene, double density, Context& context, Memo* memo) {
     constexpr double kHeight = 0.125; // map units over the surfaces, for what stands on them; doors of maps hang no higher over a floor
     constexpr double kInside = 1e-3;  // luxels
     const std::vector<std::array<Side, 2>> sides = sides_of_seams(s);
@@ -135,6 +136,12 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
         }
         return false;
     };
+    // What rays say of each: a function of geometry and of where anything was baked.
+    enum class Point : std::uint8_t { kShut, kOpen, kTorn };
+    const std::uint64_t key = memo ? mix(hash_bytes(raw_bytes(s.luxels)).low, hash_bytes(raw_bytes(lighting.valid)).low, std::bit_cast<std::uint64_t>(density)) : 0;
+    std::vector<std::vector<Point>> states(sides.size());
+    const auto kept = memo ? memo->find(key, {}) : std::nullopt;
+    if (kept) read_whole(*kept, states);
     std::vector<std::vector<SeamPoint>> points(sides.size());
     parallel_for(context, sides.size(), [&](std::size_t i) {
         if (sides[i][0].triangle == UINT32_MAX) return;
@@ -156,7 +163,11 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
             luxels = std::max(luxels, std::hypot(along.x, along.y));
         }
         const auto count = static_cast<std::size_t>(std::max(1.0, std::ceil(density * luxels)));
+        if (!kept) states[i].assign(count, Point::kShut);
+        KILN_CHECK_OP(states[i].size(), ==, count);
         for (std::size_t j = 0; j < count; ++j) {
+            Point& state = states[i][j];
+            if (kept && state == Point::kShut) continue;
             const double at = (static_cast<double>(j) + 0.5) / static_cast<double>(count);
             SeamPoint point;
             point.seam = static_cast<std::uint32_t>(i), point.face = face;
@@ -169,6 +180,7 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
                 const Face& f = s.faces[face[k].at()];
                 point.luxel[k] = ends[k][0] + (ends[k][1] - ends[k][0]) * at;
                 point.frame[k] = light_frame(*chart[k], f, point.normal);
+                if (kept) continue;
                 // Baked there: a luxel that lies in what is solid, or in a door, is filled in.
                 const double reach = 0.5 * std::sqrt(luxel_area(s, face[k])); // half a luxel
                 const Vec2 within = luxel_from_world(s, face[k], point.position + inwards[k] * (2 * kInside * reach));
@@ -182,10 +194,13 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
                 open = by.model == f.model && by.curved() == f.curved() && !hit->back;
             }
             if (!open) continue;
-            for (std::size_t k = 0; k < 2; ++k) point.torn = point.torn || torn(point, k, 0.5 * std::sqrt(luxel_area(s, face[k])));
+            for (std::size_t k = 0; k < 2 && !kept; ++k) point.torn = point.torn || torn(point, k, 0.5 * std::sqrt(luxel_area(s, face[k])));
+            if (!kept) state = point.torn ? Point::kTorn : Point::kOpen;
+            point.torn = state == Point::kTorn;
             points[i].push_back(point);
         }
     });
+    if (memo && !kept) memo->keep(key, {}, {}, to_bytes(states));
     std::vector<SeamPoint> out;
     for (const auto& some : points) out.insert(out.end(), some.begin(), some.end());
     return out;
@@ -375,6 +390,7 @@ void Matching::go_on(Part& part) const {
         std::size_t texel = 0, point = 0, side = 0;
         Bilinear read;
         double weight = 0;
+        std::array<std::size_t, 4> value{}; // of what is read: in part.value, and after its end in `beyond`
     };
     std::vector<std::pair<std::uint32_t, std::uint32_t>> by_texel; // texel, 2 point + side
     for (std::uint32_t j = 0; j < part.points.size(); ++j)
@@ -426,6 +442,15 @@ void Matching::go_on(Part& part) const {
         own[t] = luxel ? luxel->area : 0;
         for (std::size_t i = first; i < places.size(); ++i) places[i].weight = (1 - own[t]) / found;
     }
+    std::vector<Texel> beyond; // what is read of no texel of the part
+    for (Place& place : places)
+        for (std::size_t i = 0; i < 4; ++i) {
+            if (!(place.read.weight[i] > 0)) continue;
+            std::size_t& at = place.value[i] = part.index(place.read.texel[i]);
+            if (at < part.texels.size() && part.texels[at] == place.read.texel[i]) continue;
+            at = part.texels.size() + beyond.size();
+            beyond.push_back(baked(s_.faces[part.points[place.point].face[1 - place.side].at()].chart, place.read.texel[i]));
+        }
     const auto linear = [&](const std::array<Rgbd, 3>& stored, Vec3 n) { // rnm_evaluate, below 0 too
         if (light_.encoding == RnmEncoding::sq) {
             const std::array<Rgb, 3> rounded{static_cast<Rgb>(stored[0]), static_cast<Rgb>(stored[1]), static_cast<Rgb>(stored[2])};
@@ -444,17 +469,18 @@ void Matching::go_on(Part& part) const {
         for (const Place& place : places) {
             const SeamPoint& p = part.points[place.point];
             const ChartId chart = s_.faces[p.face[1 - place.side].at()].chart;
+            const bool ways = directional(part.charts[place.texel]);
             Texel sum;
             for (std::size_t i = 0; i < 4; ++i) {
                 if (!(place.read.weight[i] > 0)) continue;
-                const std::size_t at = part.index(place.read.texel[i]);
-                const Texel v = at < part.texels.size() && part.texels[at] == place.read.texel[i] ? part.value[at] : baked(chart, place.read.texel[i]);
+                const std::size_t at = place.value[i];
+                const Texel& v = at < part.value.size() ? part.value[at] : beyond[at - part.value.size()];
                 sum.flat += v.flat * place.read.weight[i];
-                for (std::size_t m = 0; m < 3; ++m) sum.rnm[m] += v.rnm[m] * place.read.weight[i];
+                for (std::size_t m = 0; ways && m < 3; ++m) sum.rnm[m] += v.rnm[m] * place.read.weight[i];
             }
             Texel& to = next[place.texel];
             to.flat += sum.flat * place.weight;
-            if (!directional(part.charts[place.texel])) continue;
+            if (!ways) continue;
             for (std::size_t m = 0; m < 3; ++m) // along the basis of this side
                 to.rnm[m] += (directional(chart) ? linear(sum.rnm, p.frame[1 - place.side].local(p.frame[place.side].world(kRnmBasis[m]))) : start[place.texel].rnm[m]) * place.weight;
         }
@@ -572,11 +598,11 @@ void Matching::run(std::span<const SeamPoint> points, Context& context) {
 
 } // namespace
 
-void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context) {
+void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context, Memo* memo) {
     if (surfaces.seams.empty()) return;
     const double level = mean_irradiance(surfaces, *lighting);
     if (!(level > 0)) return; // all dark
-    const std::vector<SeamPoint> points = seam_points(surfaces, *lighting, scene, kDensity, context);
+    const std::vector<SeamPoint> points = seam_points(surfaces, *lighting, scene, kDensity, context, memo);
     Matching(surfaces, error_floor * level, *lighting).run(points, context);
 }
 

@@ -13,6 +13,8 @@
 
 namespace kiln {
 
+class Memo;
+
 // Four texels (indices over all charts) and their weights: what a bilinear lookup reads, never outside the chart.
 struct Bilinear {
     std::array<std::uint32_t, 4> texel{};
@@ -47,10 +49,10 @@ struct SeamPoint {
     bool torn = false;
 };
 // Points along all seams, `density` to a luxel of the finer side, where light may go from one side to the other: the surfaces of one
-// mesh go on, both are baked there, and nothing stands on the edge. In the order of the seams.
-std::vector<SeamPoint> seam_points(const Surfaces& surfaces, const Lighting& lighting, const TraceScene& scene, double density, Context& context);
+// mesh go on, both are baked there, and nothing stands on the edge. In the order of the seams. `memo` (begun): of an earlier bake of the same geometry.
+std::vector<SeamPoint> seam_points(const Surfaces& surfaces, const Lighting& lighting, const TraceScene& scene, double density, Context& context, Memo* memo = nullptr);
 
 // Fits the texels of `lighting` that seams read. `error_floor`: share of the mean light below which differences are not relative.
-void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context);
+void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context, Memo* memo = nullptr);
 
 } // namespace kiln

@@ -138,14 +138,14 @@ bool inverse(const std::array<double, 6>& m, std::array<double, 6>& out) {
 // The luxels around one.
 class Neighbourhood {
 public:
-    // left_to_rays: per patch.
+    // left_to_rays: per patch. Of the luxels in `read` alone it is told what lies beside them.
     Neighbourhood(const Surfaces& surfaces, const std::vector<std::uint32_t>& patch, const std::vector<std::uint8_t>& beside, const std::vector<std::uint8_t>& gathered,
-                  const std::vector<std::uint64_t>& left_to_rays)
+                  const std::vector<std::uint64_t>& left_to_rays, const std::vector<std::uint8_t>& read)
         : surfaces_(surfaces), at_texel_(surfaces.texel_count, UINT32_MAX), on_(surfaces.texel_count) {
         for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l)
             if (gathered[l]) at_texel_[texel_of(surfaces, surfaces.luxels[l])] = l;
         for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l)
-            for (std::size_t s = 0; gathered[l] && s < kBeside.size(); ++s)
+            for (std::size_t s = 0; read[l] && gathered[l] && s < kBeside.size(); ++s)
                 if (const std::uint32_t q = beside[l] >> s & 1 ? near(l, kBeside[s][0], kBeside[s][1]) : UINT32_MAX; q != UINT32_MAX && left_to_rays[patch[q]] == left_to_rays[patch[l]])
                     on_[texel_of(surfaces, surfaces.luxels[l])] |= static_cast<std::uint8_t>(1u << s);
     }
@@ -401,13 +401,14 @@ void Bake::smooth() {
             for (auto p = static_cast<std::uint32_t>(part * kPart); p < std::min(n, (part + 1) * kPart); ++p) {
                 const std::span<const std::uint32_t> all = luxels_of(p);
                 if (std::ranges::none_of(all, [&](std::uint32_t l) { return stirred[l] && gathered_there_[l]; })) continue;
-                if (memo_) keys[p] = mix(table_.low, p, blocks->within(all, kReads));
+                if (memo_) keys[p] = key_of(p, mix(table_.low, p, blocks->within(all, kReads)));
                 const auto kept = memo_ ? memo_->smooth.find(keys[p], {}) : std::nullopt;
                 if (!kept) {
                     asked[p] = 1;
                     continue;
                 }
-                const auto now = from_bytes<std::vector<Smoothed>>(*kept);
+                thread_local std::vector<Smoothed> now;
+                read_whole(*kept, now);
                 for (std::size_t k = 0; k < all.size(); ++k)
                     if (gathered_there_[all[k]]) smoothed_[all[k]] = now[k].sum.sum(), left_[all[k]] = now[k].left, spread_variance_[all[k]] = now[k].spread_variance;
             }
@@ -416,7 +417,7 @@ void Bake::smooth() {
     const auto drawn = [&](std::uint32_t l) { return luxel_patch_[l] != kNoPatch && asked[luxel_patch_[l]]; };
     if (std::ranges::none_of(asked, [](std::uint8_t a) { return a; })) return;
     const std::vector<std::uint8_t> read = luxels_within(kReads, drawn), spikes_read = luxels_within(kSpikesRead, drawn);
-    const Neighbourhood around(surfaces_, luxel_patch_, beside_, gathered_there_, left_to_rays);
+    const Neighbourhood around(surfaces_, luxel_patch_, beside_, gathered_there_, left_to_rays, read);
     // Luminance of what is shown; its variance, summed over the normals, as its own rays tell it.
     std::vector<std::array<double, 4>> shown(luxels);
     std::vector<double> own_variance(luxels);

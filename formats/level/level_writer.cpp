@@ -8,6 +8,7 @@
 #include "formats/level/tables.h"
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <memory>
 #include <xxhash.h>
@@ -24,12 +25,19 @@ struct ContextFree {
 
 class LumpFile {
 public:
-    explicit LumpFile(int level) : zstd_(ZSTD_createCCtx()) {
+    explicit LumpFile(const WriteOptions& options) : zstd_(ZSTD_createCCtx()), options_(options) {
         if (!zstd_) throw std::bad_alloc();
-        ZSTD_CCtx_setParameter(zstd_.get(), ZSTD_c_compressionLevel, level);
+        ZSTD_CCtx_setParameter(zstd_.get(), ZSTD_c_compressionLevel, options.zstd_level);
         ZSTD_CCtx_setParameter(zstd_.get(), ZSTD_c_contentSizeFlag, 1);
     }
     Blob compress(std::span<const std::uint8_t> raw) {
+        return known(raw, ZSTD_versionNumber() * 256u + static_cast<std::uint64_t>(options_.zstd_level + 128), [&] { return pack(raw); });
+    }
+    // What is made of the bytes, in the way that `how` stands for.
+    Blob known(std::span<const std::uint8_t> bytes, std::uint64_t how, const std::function<Blob()>& make) const {
+        return options_.known ? options_.known(XXH3_64bits_withSeed(bytes.data(), bytes.size(), how), make) : make();
+    }
+    Blob pack(std::span<const std::uint8_t> raw) {
         Blob out(ZSTD_compressBound(raw.size()));
         const std::size_t size = ZSTD_compress2(zstd_.get(), out.data(), out.size(), raw.data(), raw.size());
         if (ZSTD_isError(size)) throw std::runtime_error(std::string("zstd: ") + ZSTD_getErrorName(size));
@@ -81,6 +89,7 @@ public:
 
 private:
     std::unique_ptr<ZSTD_CCtx, ContextFree> zstd_;
+    const WriteOptions& options_;
     std::vector<Entry> entries_;
     std::vector<Blob> lumps_;
     static std::uint64_t aligned(std::uint64_t n) { return (n + kAlignment - 1) / kAlignment * kAlignment; }
@@ -552,7 +561,7 @@ std::vector<std::uint8_t> write(const LevelContent& content, const WriteOptions&
     for (const ChartInfo& c : content.charts) info.texels += std::uint64_t{c.width} * c.height;
     head.check();
 
-    LumpFile file(options.zstd_level);
+    LumpFile file(options);
     Put head_bytes;
     head.io(head_bytes);
     file.add("HEAD", std::move(head_bytes.bytes));

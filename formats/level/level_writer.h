@@ -8,6 +8,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -228,6 +229,9 @@ struct WriteOptions {
     bool rgb9e5 = true;         // flat and sq pages in 4 bytes a texel (0.2 % of the largest channel), else halfs
     std::uint32_t page_size = 1024; // largest width and height of an atlas page; a chart larger than this gets its own
     bool share_texels = true;   // charts of the same texels lie on one place
+    // What make() gives, or what it gave for this key in an earlier write: of the same bytes, packed by the same version of the same library at the same
+    // level. None: always made.
+    std::function<std::vector<std::uint8_t>(std::uint64_t key, const std::function<std::vector<std::uint8_t>()>& make)> known = {};
 };
 // Throws std::invalid_argument where content contradicts itself, std::runtime_error where an encoder fails.
 std::vector<std::uint8_t> write_level(const LevelContent& content, const WriteOptions& options = {});
