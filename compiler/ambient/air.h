@@ -59,6 +59,7 @@ struct Air {
     }
     std::function<Cube6(Vec3 point, std::uint32_t rays, std::uint64_t seed)> rest; // all but entity lights
     Memo* memo = nullptr; // of an earlier lattice in the same geometry; none: nothing is kept
+    std::function<std::uint64_t(std::uint32_t light)> comes_from; // with a memo: a hash of where its light comes from
     std::uint32_t light_count = 0;
     std::function<void(Vec3 point, const std::function<void(std::uint32_t light)>&)> each_light; // that may reach it, ascending
     std::function<std::optional<DirectLight>(std::uint32_t light, Vec3 point)> direct;

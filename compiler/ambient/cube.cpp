@@ -1,6 +1,7 @@
 #include "compiler/ambient/cube.h"
 #include "libs/core/hash.h"
 #include <algorithm>
+#include <bit>
 #include <numbers>
 
 namespace kiln::ambient {
@@ -43,6 +44,15 @@ void gather(const Air& air, Vec3 point, std::uint32_t rays, std::uint64_t seed, 
     into.rays += rays;
 }
 
+namespace {
+constexpr std::uint64_t kReaches = 3; // what a key is for
+struct Reach { // whether the light of an entity comes to a point
+    static constexpr bool kRawBytes = true;
+    std::uint64_t from = 0, clear = 0;
+    Rgbd through{1, 1, 1};
+};
+} // namespace
+
 std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, double gathered_irradiance, std::uint64_t& rays) {
     std::vector<LitBy> lights;
     double left = 0;
@@ -57,18 +67,33 @@ std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, double gathered_i
         return ea != eb ? ea > eb : a.light < b.light;
     });
     constexpr double kFaint = 0.002;
+    // What rays say is kept: lights that have not moved are not asked again.
+    std::vector<Reach> kept, now;
+    const std::uint64_t key = air.memo ? key_in(air.bounds, point, mix(kReaches, std::bit_cast<std::uint64_t>(point.x), std::bit_cast<std::uint64_t>(point.y), std::bit_cast<std::uint64_t>(point.z))) : 0;
+    if (const auto before = air.memo ? air.memo->find(key, {}) : std::nullopt) read_whole(*before, kept);
+    bool all_kept = true;
+    const auto ask = [&](std::uint32_t l) {
+        Reach reach{air.memo ? air.comes_from(l) : 0};
+        if (const auto at = std::ranges::find(kept, reach.from, &Reach::from); at != kept.end()) return *at;
+        all_kept = false;
+        reach.clear = air.light_clear(l, point);
+        if (reach.clear && air.light_through) reach.through = air.light_through(l, point);
+        return reach;
+    };
     std::vector<LitBy> reaching;
     double arrived = gathered_irradiance;
     for (LitBy& light : lights) {
         if (left <= kFaint * arrived) break;
         const double e = mean(light.direct.irradiance);
         left -= e, ++rays;
-        if (!air.light_clear(light.light, point)) continue;
-        if (air.light_through)
-            if (const Rgbd through = air.light_through(light.light, point); through != Rgbd{1, 1, 1}) light.direct.irradiance = light.direct.irradiance * through, light.filtered = true;
+        const Reach reach = ask(light.light);
+        if (air.memo) now.push_back(reach);
+        if (!reach.clear) continue;
+        if (reach.through != Rgbd{1, 1, 1}) light.direct.irradiance = light.direct.irradiance * reach.through, light.filtered = true;
         arrived += mean(light.direct.irradiance);
         reaching.push_back(light);
     }
+    if (air.memo && !all_kept) air.memo->keep(key, {}, {}, to_bytes(now));
     std::ranges::stable_partition(reaching, [](const LitBy& light) { return !light.filtered; });
     return reaching;
 }

@@ -3,6 +3,7 @@
 #include "compiler/csg/box_tree.h"
 #include "compiler/light/emitters.h"
 #include "compiler/light/kept_rest.h"
+#include <bit>
 #include <numbers>
 
 namespace kiln::ambient {
@@ -209,6 +210,11 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
         const double e = light.attenuation(d) * light.cone(to / -d);
         if (!(e > 0)) return std::nullopt;
         return DirectLight{to / d, Rgbd(light.intensity) * e};
+    };
+    air.comes_from = [&lights](std::uint32_t l) {
+        const bool sun = lights[l].kind == LightKind::sun;
+        const Vec3 from = sun ? lights[l].direction : lights[l].position;
+        return mix(std::uint64_t{sun}, std::bit_cast<std::uint64_t>(from.x), std::bit_cast<std::uint64_t>(from.y), std::bit_cast<std::uint64_t>(from.z));
     };
     air.light_clear = [&lights, &scene](std::uint32_t l, Vec3 point) {
         return sees(scene, point, lights[l]);

@@ -61,7 +61,7 @@ public:
         out.shown = LuxelKernel::displayed(kernel.shown(read.flat, read.rnm));
         const Vec3 n = s_.faces[place.face.at()].normal;
         const auto seed = [&](std::uint64_t what) { return mix_place(place.position - corner_, options_.seed, 92 + what); };
-        const std::uint64_t of_kernel = hash_of(std::pair(kernel.frame, std::pair(kernel.encoding, kernel.cone ? kernel.cone->cone_deg() : -1.0))).low;
+        const std::uint64_t of_kernel = hash_of(kernel).low;
         KernelSum lamps;
         field_.arriving_direct(place.position, n, seed(0), [&](Vec3 direction, Rgbd weight) { kernel.add(lamps, direction, weight); });
         for (std::size_t k = 0; k < kAnswers; ++k) {

@@ -259,13 +259,15 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
         }
     });
     std::vector<std::uint32_t> out;
-    if (std::ranges::none_of(moved, [](double m) { return m > 0; })) return out;
+    std::vector<std::uint8_t> has_moved(n); // less to read than how far
+    for (std::size_t p = 0; p < n; ++p) has_moved[p] = moved[p] > 0;
+    if (!std::ranges::count(has_moved, 1)) return out;
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
         for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
             const double level = std::max(mean(rest_[p] + solved_direct_[p]), floor_);
             if (covered_[p] || luxels_of(p).empty() || !(level > 0)) continue;
             for_row(rows_, p, [&](std::uint32_t patch, auto factor) {
-                if (moved[patch] > 0) stale[p] += moved[patch] * mean(Rgbd{1, 1, 1} * factor) * std::numbers::pi / level;
+                if (has_moved[patch]) stale[p] += moved[patch] * mean(Rgbd{1, 1, 1} * factor) * std::numbers::pi / level;
             });
         }
     });
@@ -300,7 +302,7 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
         });
         return out;
     });
-    const bool patches_shine = std::ranges::any_of(patch_emitter_, [](std::uint32_t e) { return e != UINT32_MAX; });
+    const bool of_patches = patches_shine();
     std::vector<Rgbd> met(n);
     std::vector<double> count(n); // share of the row
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
@@ -313,7 +315,7 @@ void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& ta
                 if (!far_off[at++]) continue;
                 const auto share = static_cast<double>(rows_.weight[k]);
                 count[p] += share, met[p] += static_cast<Rgbd>(light->patch[rows_.patch[k]]) * share;
-                if (patches_shine) shines(rows_.patch[k], share);
+                if (of_patches) shines(rows_.patch[k], share);
             }
             for (std::uint64_t k = lone_first_[p]; k < lone_first_[p + 1]; ++k) {
                 if (!far_off[at++]) continue;

@@ -153,13 +153,17 @@ struct Quarters {
 
 PaneRays joined(std::vector<PaneRays>& parts);
 
-// What keys of `LightMemo::lights` are for.
-enum class KeyOf : std::uint64_t { edges = 1, patches, neighbours, tests, far, clusters };
+// What keys of memos are for.
+enum class KeyOf : std::uint64_t { edges = 1, patches, neighbours, tests, far, clusters, place };
 
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 constexpr std::uint32_t kReplicates = 4;
+struct PilotGather { // what the rays of a luxel of the pilot gathered, and with them looked up in other solutions (Bake::pilot)
+    std::array<StoredSum, kReplicates> fine{}, coarse{}, close{};
+    std::vector<StoredSum> tilted; // for the encoding: along the luxel's own normal, and along others
+    template <class A> void fields(A& a) { a(fine, coarse, close, tilted); }
+};
 struct PilotLuxel { // see estimate.cpp
-    static constexpr bool kRawBytes = true;
     // Along the normals of LuxelKernel::shown, direct light included.
     std::array<std::array<Rgbd, 4>, kReplicates> value{}, direct{}, to_coarse{}, to_close{};
     std::array<Rgbd, 4> mean_value{};
@@ -226,7 +230,13 @@ private:
     // body(code, quarters) for all that a row met that is a patch, or shines.
     void for_met(std::size_t p, auto&& body) const {
         for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) body(rows_.patch[k], met_[k]);
+        for_lone(p, body);
+    }
+    void for_lone(std::size_t p, auto&& body) const { // what is no patch
         for (std::uint64_t k = lone_first_[p]; k < lone_first_[p + 1]; ++k) body(lone_[k], lone_met_[k]);
+    }
+    bool patches_shine() const {
+        return std::ranges::any_of(patch_emitter_, [](std::uint32_t e) { return e != UINT32_MAX; });
     }
     // Likewise body(ray) for its rays through panes; their numbers in pane_rays_.ray.
     void for_pane_rays(std::size_t p, const auto& body) const {
@@ -318,7 +328,8 @@ private:
     };
     bool of_luxels(const Luxel& luxel) const;
     ReflectedLight coarse_luxels() const;
-    PilotLuxel pilot_luxel(std::uint32_t luxel, const ReflectedLight& coarse, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const;
+    PilotGather pilot_gather(std::uint32_t luxel, const ReflectedLight& coarse, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const;
+    PilotLuxel pilot_luxel(std::uint32_t luxel, const PilotGather& gathered, bool rough) const;
     // `rough`: noise and patch bias only.
     PilotResult pilot(std::uint32_t one_in, bool rough = false);
     // rRMSE that the noise of the rows makes in gathered light: the same for all luxels that look the same way, so replicates do not see it.

@@ -42,6 +42,11 @@ struct LuxelDirect {
     StoredSum sum;
     float variance = 0;
 };
+struct PlaceDirect { // the same of one place, of one light
+    static constexpr bool kRawBytes = true;
+    std::uint64_t of = 0, rays = 0;
+    StoredSum sum;
+};
 struct PatchDirect {
     std::vector<std::uint64_t> refs;
     std::vector<std::uint32_t> first; // per light, in `luxels`, and one more
@@ -301,10 +306,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             if (at != entities[from].end()) r.filtered |= at->filtered;
         }
     };
-    for (const auto& [a, b] : edges_) {
-        const std::uint32_t p = patches_.piece_patch[a], q = patches_.piece_patch[b];
-        if (p != q) offer(p, q), offer(q, p), offer_entities(p, q), offer_entities(q, p);
-    }
+    for (const auto& [p, q] : touching_) offer(p, q), offer(q, p), offer_entities(p, q), offer_entities(q, p);
     for (std::size_t p = 0; p < n; ++p) {
         std::ranges::sort(lists_[p], {}, &LightRef::light);
         lists_[p].insert(lists_[p].end(), spread[p].begin(), spread[p].end());
@@ -322,9 +324,7 @@ std::vector<std::uint32_t> Bake::add_emitters(const std::vector<std::vector<std:
     };
     for (std::uint32_t p = 0; p < found.size(); ++p)
         for (const std::uint32_t i : found[p]) add(p, i);
-    for (const auto& [a, b] : edges_) {
-        const std::uint32_t p = patches_.piece_patch[a], q = patches_.piece_patch[b];
-        if (p == q) continue;
+    for (const auto& [p, q] : touching_) {
         for (const std::uint32_t i : found[q])
             if (sight_.emitter_may(i, clusters_[p]) && form_factor_bound(p, i) >= threshold(p, i)) add(p, i);
         for (const std::uint32_t i : found[p])
@@ -525,14 +525,31 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
     return !ref.penumbra && !closely;
 }
 
-// All lights of the patch at one place near it.
+// All lights of the patch at one place near it, which the seed stands for.
 KernelSum Bake::direct_at(std::uint32_t patch, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely) const {
+    std::vector<PlaceDirect> kept, now;
+    std::uint64_t key = 0;
+    if (memo_) {
+        key = key_of(patch, mix(base_, table_.low, KeyOf::place, seed, effort_[patch], static_cast<std::uint64_t>(closely), hash_of(kernel).low));
+        if (const auto bytes = memo_->direct.find(key, {})) read_whole(*bytes, kept);
+    }
+    bool all_kept = true;
     KernelSum all;
     for (const LightRef& ref : lists_[patch]) {
-        Receiver at{&footprint, &kernel, seed};
-        direct_from(ref, patch, {&at, 1}, closely, rays);
-        all += at.sum *= brightness(ref);
+        PlaceDirect part{memo_ ? hash_of_ref(ref, false) : 0, 0, {}};
+        if (const auto at = std::ranges::find(kept, part.of, &PlaceDirect::of); at != kept.end()) {
+            part = *at;
+        } else {
+            Receiver at_place{&footprint, &kernel, seed};
+            direct_from(ref, patch, {&at_place, 1}, closely, &part.rays);
+            part.sum = StoredSum(at_place.sum), all_kept = false;
+        }
+        *rays += part.rays;
+        if (memo_) now.push_back(part);
+        KernelSum sum = part.sum.sum();
+        all += sum *= brightness(ref);
     }
+    if (memo_ && !all_kept) memo_->direct.keep(key, {}, {}, to_bytes(now));
     return all;
 }
 

@@ -51,62 +51,78 @@ Bounds bounds_of_mean(std::span<const double> value, std::span<const double> wei
     return {se * std::max(0.0, quantile + shift), se * std::max(0.0, quantile - shift)};
 }
 
-// One luxel of the pilot. `encoding`: with what its encoding makes of other normals.
-PilotLuxel Bake::pilot_luxel(std::uint32_t l, const ReflectedLight& coarse, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const {
-    constexpr int kNormals = 6;
+namespace {
+
+// Normals that lean by the typical tilt, all around that of a luxel.
+std::array<LuxelKernel, 6> tilted_kernels(const LuxelKernel& kernel) {
+    std::array<LuxelKernel, 6> out;
+    for (std::size_t k = 0; k < out.size(); ++k) {
+        const SinCos turn = sincos_turns((static_cast<double>(k) + 0.5) / static_cast<double>(out.size()));
+        out[k].frame = frame_around(kernel.frame.world({kTypicalTilt * turn.cos, kTypicalTilt * turn.sin, std::sqrt(1 - kTypicalTilt * kTypicalTilt)}));
+    }
+    return out;
+}
+
+} // namespace
+
+// `encoding`: for what its encoding makes of other normals, too.
+PilotGather Bake::pilot_gather(std::uint32_t l, const ReflectedLight& coarse, const ReflectedLight& close, bool rough, bool encoding, Looked* looked) const {
     Guide guide;
     const Luxel& luxel = surfaces_.luxels[l];
-    const Chart& chart = surfaces_.charts[luxel.chart.at()];
     const HemisphereMap map = map_of(luxel.chart);
     patch_guide(luxel_patch_[l], &guide);
+    const LuxelKernel kernel = kernel_of(l);
+    PilotGather out;
+    for (std::uint32_t r = 0; r < kReplicates; ++r) {
+        std::array<Other, 2> others{{{&coarse, {}}, {&close, {}}}};
+        out.fine[r] = StoredSum(gather(l, kernel, guide, map, rays_[luxel_patch_[l]], mix(seed_at(luxel_centroid(luxel), 6), r), nullptr, std::span(others).first(rough ? 1 : 2), looked).sum);
+        out.coarse[r] = StoredSum(others[0].sum), out.close[r] = StoredSum(others[1].sum);
+    }
+    if (!kernel.cone || surfaces_.charts[luxel.chart.at()].smooth || !encoding) return out;
+    const auto along = [&](const LuxelKernel& k) { out.tilted.emplace_back(gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr, {}, looked).sum); };
+    along(kernel);
+    for (const LuxelKernel& k : tilted_kernels(kernel)) along(k);
+    return out;
+}
+
+// One luxel of the pilot, with direct light.
+PilotLuxel Bake::pilot_luxel(std::uint32_t l, const PilotGather& gathered, bool rough) const {
+    const Luxel& luxel = surfaces_.luxels[l];
+    const std::uint32_t p = luxel_patch_[l];
     const Footprint footprint = footprint_of_luxel(l);
     const LuxelKernel kernel = kernel_of(l);
+    std::uint64_t shadow = 0;
     PilotLuxel result;
     result.shown = kernel.shown_count();
     KernelSum sum, rest; // rest: without direct light
     std::array<KernelSum, kReplicates> directs;
     for (std::uint32_t r = 0; r < kReplicates; ++r) {
         const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
-        std::array<Other, 2> others{{{&coarse, {}}, {&close, {}}}};
-        KernelSum fine = gather(l, kernel, guide, map, rays_[luxel_patch_[l]], seed, nullptr, std::span(others).first(rough ? 1 : 2), looked).sum;
-        std::uint64_t shadow = 0;
-        const KernelSum direct = direct_at(luxel_patch_[l], footprint, kernel, mix(seed, 1), &shadow);
-        rest += fine, directs[r] = direct;
-        fine += direct, others[0].sum += direct;
-        result.value[r] = kernel.displayed(kernel.shown(fine));
-        const std::array<Rgbd, 4> in_coarse = kernel.displayed(kernel.shown(others[0].sum));
-        for (std::size_t k = 0; k < 4; ++k) result.to_coarse[r][k] = in_coarse[k] - result.value[r][k];
-        if (!rough) {
-            others[1].sum += direct_at(luxel_patch_[l], footprint, kernel, mix(seed, 2), &shadow, true);
-            const std::array<Rgbd, 4> closely = kernel.displayed(kernel.shown(others[1].sum));
-            for (std::size_t k = 0; k < 4; ++k) result.to_close[r][k] = closely[k] - result.value[r][k];
-        }
+        const KernelSum direct = directs[r] = direct_at(p, footprint, kernel, mix(seed, 1), &shadow);
+        KernelSum fine = gathered.fine[r].sum(), coarse = gathered.coarse[r].sum(), close = gathered.close[r].sum();
+        rest += fine;
+        result.value[r] = kernel.displayed(kernel.shown(fine += direct));
+        const auto away = [&](const KernelSum& other, std::array<Rgbd, 4>& by) {
+            const std::array<Rgbd, 4> there = kernel.displayed(kernel.shown(other));
+            for (std::size_t k = 0; k < 4; ++k) by[k] = there[k] - result.value[r][k];
+        };
+        away(coarse += direct, result.to_coarse[r]);
+        if (!rough) away(close += direct_at(p, footprint, kernel, mix(seed, 2), &shadow, true), result.to_close[r]);
         sum += fine;
     }
     sum *= 1.0 / kReplicates, rest *= 1.0 / kReplicates;
     for (std::uint32_t r = 0; r < kReplicates; ++r) result.direct[r] = kernel.displayed(kernel.shown(KernelSum(rest) += directs[r])); // its spread is that of direct light
     result.mean_value = kernel.displayed(kernel.shown(sum));
     result.area = luxel.area * luxel_area(surfaces_, luxel.face);
-    if (!kernel.cone || chart.smooth || !encoding) return result;
+    if (gathered.tilted.empty()) return result;
     // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
-    const auto light = [&](const LuxelKernel& k) {
-        KernelSum arriving = gather(l, k, guide, map, 64, seed_at(luxel_centroid(luxel), 8), nullptr, {}, looked).sum;
-        std::uint64_t shadow = 0;
-        return arriving += direct_at(luxel_patch_[l], footprint, k, seed_at(luxel_centroid(luxel), 9), &shadow);
-    };
-    const KernelSum base = light(kernel);
-    const std::array<Rgb, 3> stored = kernel.finish(base);
-    for (int k = 0; k < kNormals; ++k) {
-        const SinCos turn = sincos_turns((k + 0.5) / kNormals);
-        const Vec3 n{kTypicalTilt * turn.cos, kTypicalTilt * turn.sin, std::sqrt(1 - kTypicalTilt * kTypicalTilt)};
-        const Vec3 world = kernel.frame.world(n);
-        LuxelKernel tilted;
-        tilted.frame = frame_around(world);
-        const double truth = mean(light(tilted).flat),
-                     shown = mean(rnm_evaluate(kernel.encoding, stored, n));
+    const auto light = [&](const LuxelKernel& k, const StoredSum& arriving) { return arriving.sum() += direct_at(p, footprint, k, seed_at(luxel_centroid(luxel), 9), &shadow); };
+    const std::array<Rgb, 3> stored = kernel.finish(light(kernel, gathered.tilted[0]));
+    const std::array<LuxelKernel, 6> tilted = tilted_kernels(kernel);
+    for (std::size_t k = 0; k < tilted.size(); ++k) {
+        const double truth = mean(light(tilted[k], gathered.tilted[k + 1]).flat), shown = mean(rnm_evaluate(kernel.encoding, stored, kernel.frame.local(tilted[k].frame.n)));
         const double scale = std::max(truth, floor_);
-        if (scale > 0)
-            result.representation += (shown - truth) * (shown - truth) / (scale * scale * kNormals);
+        if (scale > 0) result.representation += (shown - truth) * (shown - truth) / (scale * scale * static_cast<double>(tilted.size()));
     }
     return result;
 }
@@ -174,15 +190,16 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
         for (std::size_t i = begin; i < end; ++i) {
             const std::uint32_t l = chosen[i], p = luxel_patch_[l];
             const bool encoding = i % 4 == 0;
-            const std::uint64_t key = memo_ ? key_of(p, mix(gather_key(p), std::bit_cast<std::uint64_t>(floor_), effort_[p], l, pilots_, static_cast<std::uint64_t>(rough) | std::uint64_t{encoding} << 1)) : 0;
+            const std::uint64_t key = memo_ ? key_of(p, mix(gather_key(p), l, pilots_, static_cast<std::uint64_t>(rough) | std::uint64_t{encoding} << 1)) : 0;
+            PilotGather gathered;
             if (const auto kept = memo_ ? memo_->pilot.find(key, states_coarse_) : std::nullopt) {
-                results[i] = from_bytes<PilotLuxel>(*kept);
-                continue;
+                read_whole(*kept, gathered);
+            } else {
+                looked.begin(part_count());
+                gathered = pilot_gather(l, rough ? coarse_ : coarse_luxels_, close, rough, encoding, memo_ ? &looked : nullptr);
+                if (memo_) memo_->pilot.keep(key, states_coarse_, looked.parts(), to_bytes(gathered));
             }
-            looked.begin(part_count());
-            looked.at(2 * static_cast<std::uint32_t>(patches_.patches.size()) + p); // direct light, too
-            results[i] = pilot_luxel(l, rough ? coarse_ : coarse_luxels_, close, rough, encoding, memo_ ? &looked : nullptr);
-            if (memo_) memo_->pilot.keep(key, states_coarse_, looked.parts(), to_bytes(results[i]));
+            results[i] = pilot_luxel(l, gathered, rough);
         }
     });
     ++pilots_;

@@ -65,18 +65,6 @@ KeptRest::KeptRest(const LightField& field, Memo* memo) : field_(field), memo_(m
     note_changes();
 }
 
-// By cubes of a 64th of the map a side, along a curve that fills it.
-std::uint64_t KeptRest::key_at(Vec3 point, std::uint64_t hash) const {
-    constexpr int kBits = 6;
-    std::uint64_t place = 0;
-    for (std::size_t a = 0; a < 3; ++a) {
-        const double size = bounds_.hi[a] - bounds_.lo[a], share = size > 0 ? (point[a] - bounds_.lo[a]) / size : 0;
-        const auto at = static_cast<std::uint64_t>(std::clamp(share * (1 << kBits), 0.0, (1 << kBits) - 1.0));
-        for (int b = 0; b < kBits; ++b) place |= (at >> b & 1) << (3 * static_cast<std::size_t>(b) + a);
-    }
-    return kiln::key_at(place, std::uint64_t{1} << (3 * kBits), hash);
-}
-
 void KeptRest::note_changes() {
     const std::vector<std::uint64_t> light(states_.begin(), states_.begin() + static_cast<std::ptrdiff_t>(field_.light_parts()));
     const std::uint64_t key = mix(kStates, shining_), now = hash_of(light).low;
@@ -107,9 +95,9 @@ void KeptRest::sum(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t se
         key = mix(shining_, seed, rays);
         for (const Vec3& v : {point, normal})
             for (std::size_t a = 0; a < 3; ++a) key = mix(key, std::bit_cast<std::uint64_t>(v[a]));
-        key = key_at(point, key);
+        key = key_in(bounds_, point, key);
     }
-    const auto key_of_sum = [&](std::uint64_t name) { return key_at(point, mix(key, kSum, of, name)); };
+    const auto key_of_sum = [&](std::uint64_t name) { return key_in(bounds_, point, mix(key, kSum, of, name)); };
     thread_local Looked looked;
     const auto bytes = memo_ ? memo_->find(key, states_) : std::nullopt;
     if (bytes)

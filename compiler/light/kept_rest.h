@@ -28,8 +28,6 @@ private:
     // Is all that the bundle (as it is kept) reads what it was in that light?
     bool unchanged(std::span<const std::uint8_t> bundle, std::uint64_t light) const;
 
-    std::uint64_t key_at(Vec3 point, std::uint64_t hash) const;
-
     const LightField& field_;
     Memo* memo_;
     Box3 bounds_; // of the surfaces

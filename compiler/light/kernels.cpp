@@ -89,6 +89,10 @@ double ConeTable::moment(double cos_theta, double azimuth_turns) const {
     return (1 - f) * ((1 - g) * at(i, j) + g * at(i, k)) + f * ((1 - g) * at(i + 1, j) + g * at(i + 1, k));
 }
 
+void LuxelKernel::fields(ByteWriter& w) const {
+    w(frame, encoding, cone ? cone->cone_deg() : -1.0);
+}
+
 std::array<double, 4> LuxelKernel::integrals() const {
     constexpr double pi = std::numbers::pi;
     if (!cone) return {pi, 0, 0, 0};

@@ -86,6 +86,7 @@ struct LuxelKernel {
     Frame frame; // around the shading normal
     RnmEncoding encoding = RnmEncoding::dot;
     const ConeTable* cone = nullptr; // none: flat only
+    void fields(ByteWriter& w) const; // all that it is made of
     // The flat kernel and the three directional ones (0 where there is no cone).
     std::array<double, 4> values(Vec3 direction) const;
     // Does one of them bend over what lies in a ball, as seen from its luxel? Irradiance along the basis does at the horizon of each basis vector.

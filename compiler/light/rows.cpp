@@ -200,9 +200,10 @@ void Bake::make_rows() {
 // Irradiance from emission that the bundle met: all of it, or what is not sampled explicitly for the patch.
 std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
     std::vector<Rgbd> out(patches_.patches.size());
+    const bool of_patches = patches_shine();
     parallel_chunks(context_, out.size(), 256, [&](std::size_t begin, std::size_t end) {
         for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
-            for_met(p, [&](std::uint32_t code, const Quarters& met) {
+            const auto add = [&](std::uint32_t code, const Quarters& met) {
                 if (code == kHitEscaped) {
                     out[p] += sky_ * met.all();
                     return;
@@ -210,7 +211,9 @@ std::vector<Rgbd> Bake::gathered_emission(bool only_unlisted) const {
                 const std::uint32_t emitter = emitter_of(code);
                 if (emitter == UINT32_MAX || (only_unlisted && listed(p, emitter))) return;
                 out[p] += emitters_.emitters[emitter].radiance * met.all();
-            });
+            };
+            if (of_patches) for_met(p, add);
+            else for_lone(p, add);
             for_pane_rays(p, [&](std::uint64_t ray) { out[p] += emission_through_panes(ray, p, only_unlisted); });
             out[p] *= std::numbers::pi / quality_.row_rays;
         }

@@ -43,27 +43,28 @@ Vec3 texel_direction(std::uint32_t size, int face, std::uint32_t i, std::uint32_
     return normalize(cube_direction(face, 2 * (i + 0.5) / size - 1, 2 * (j + 0.5) / size - 1));
 }
 
-Rgbd bilinear(const CubeImage& image, Vec3 direction) {
+SeamlessCube::SeamlessCube(const CubeImage& image) : size_(image.size), texels_(6 * std::size_t{image.size + 2} * (image.size + 2)) {
+    const double n = size_;
+    const auto index = [n](double c) { return static_cast<std::uint32_t>(std::clamp(std::floor((c + 1) / 2 * n), 0.0, n - 1)); };
+    for (int face = 0; face < 6; ++face)
+        for (std::uint32_t y = 0; y < size_ + 2; ++y)
+            for (std::uint32_t x = 0; x < size_ + 2; ++x) {
+                const bool inside = x > 0 && y > 0 && x <= size_ && y <= size_;
+                int from = face;
+                double u = 0, v = 0; // past the edge: the texel of the neighbouring face in that direction
+                if (!inside) cube_texel(cube_direction(face, 2 * (x - 0.5) / n - 1, 2 * (y - 0.5) / n - 1), &from, &u, &v);
+                texels_[at(face, x, y)] = inside ? image.at(face, x - 1, y - 1) : image.at(from, index(u), index(v));
+            }
+}
+
+Rgbd SeamlessCube::bilinear(Vec3 direction) const {
     int face = 0;
     double u = 0, v = 0;
     cube_texel(direction, &face, &u, &v);
-    const double n = image.size;
-    const double x = (u + 1) / 2 * n - 0.5, y = (v + 1) / 2 * n - 0.5;
-    const double fx = std::floor(x), fy = std::floor(y), tx = x - fx, ty = y - fy;
-    const auto fetch = [&](double i, double j) -> Rgbd {
-        if (i >= 0 && j >= 0 && i < n && j < n)
-            return Rgbd(image.at(face, static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(j)));
-        // Past the edge: the texel of the neighbouring face in that direction.
-        int other = 0;
-        double ou = 0, ov = 0;
-        cube_texel(cube_direction(face, 2 * (i + 0.5) / n - 1, 2 * (j + 0.5) / n - 1), &other, &ou, &ov);
-        const auto index = [n](double c) {
-            return static_cast<std::uint32_t>(std::clamp(std::floor((c + 1) / 2 * n), 0.0, n - 1));
-        };
-        return Rgbd(image.at(other, index(ou), index(ov)));
-    };
-    return (fetch(fx, fy) * (1 - tx) + fetch(fx + 1, fy) * tx) * (1 - ty) +
-           (fetch(fx, fy + 1) * (1 - tx) + fetch(fx + 1, fy + 1) * tx) * ty;
+    const double n = size_, x = (u + 1) / 2 * n - 0.5, y = (v + 1) / 2 * n - 0.5, fx = std::floor(x), fy = std::floor(y), tx = x - fx, ty = y - fy;
+    const Rgb* t = &texels_[at(face, static_cast<std::uint32_t>(fx + 1), static_cast<std::uint32_t>(fy + 1))];
+    const Rgb* below = t + size_ + 2;
+    return (Rgbd(t[0]) * (1 - tx) + Rgbd(t[1]) * tx) * (1 - ty) + (Rgbd(below[0]) * (1 - tx) + Rgbd(below[1]) * tx) * ty;
 }
 
 CubeImage half_size(const CubeImage& image) {
@@ -139,6 +140,7 @@ std::vector<Rgb> prefilter(const CubeImage& rendered, std::uint32_t samples, Con
     std::vector<Rgb> out = rendered.texels;
     std::vector<CubeImage> chain{rendered}; // plain means, down to one texel
     while (chain.back().size > 1) chain.push_back(half_size(chain.back()));
+    const std::vector<SeamlessCube> levels(chain.begin(), chain.end());
     for (std::uint32_t m = 1; m < mips; ++m) {
         const double roughness = double(m) / (mips - 1);
         const auto samples_of = lobe(roughness * roughness, std::max(samples, 1u), rendered.size);
@@ -154,11 +156,11 @@ std::vector<Rgb> prefilter(const CubeImage& rendered, std::uint32_t samples, Con
                 double weight = 0;
                 for (const LobeSample& s : samples_of) {
                     const Vec3 l = frame.world(s.direction);
-                    const double lod = std::min(s.lod, double(chain.size() - 1));
+                    const double lod = std::min(s.lod, double(levels.size() - 1));
                     const auto fine = static_cast<std::size_t>(lod);
                     const double t = lod - double(fine);
-                    Rgbd value = bilinear(chain[fine], l);
-                    if (t > 0) value = value * (1 - t) + bilinear(chain[fine + 1], l) * t;
+                    Rgbd value = levels[fine].bilinear(l);
+                    if (t > 0) value = value * (1 - t) + levels[fine + 1].bilinear(l) * t;
                     sum += value * s.weight, weight += s.weight;
                 }
                 mip.at(face, i, j) = Rgb(sum / weight);

@@ -13,7 +13,16 @@ struct CubeImage { // one level: 6 faces of size^2 texels, face-major, rows
 
 double solid_angle(std::uint32_t size, std::uint32_t i, std::uint32_t j); // of a texel, exact: a face sums to 4 pi / 6
 Vec3 texel_direction(std::uint32_t size, int face, std::uint32_t i, std::uint32_t j); // unit, of its centre
-Rgbd bilinear(const CubeImage& image, Vec3 direction);   // across the edges of faces too
+class SeamlessCube { // of texels with those beside each face around it
+public:
+    explicit SeamlessCube(const CubeImage& image);
+    Rgbd bilinear(Vec3 direction) const; // across the edges of faces too
+
+private:
+    std::size_t at(int face, std::uint32_t x, std::uint32_t y) const { return (std::size_t(face) * (size_ + 2) + y) * (size_ + 2) + x; }
+    std::uint32_t size_;
+    std::vector<Rgb> texels_;
+};
 CubeImage half_size(const CubeImage& image);             // means weighted by solid angle
 Rgbd mean_radiance(const CubeImage& image);              // over the sphere
 
