@@ -237,7 +237,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 36, kAmbientVersion = 18, kDensityVersion = 16;
+constexpr std::uint32_t kLightVersion = 37, kAmbientVersion = 19, kDensityVersion = 17, kLumpsVersion = 1;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 // Each table lies in the store by itself: most runs change small ones alone. make(whether there are memos)
 template <class T, class Make> Result<T> with_memo(Hash place, const std::vector<Memo*>& memos, const CompileRun& run, Context& context, const Make& make) {
@@ -390,7 +390,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
                                 options_json(options), to_hex(all(files, hash_of(world.materials))), kVersion, &out.density, out.merged ? &*out.merged : nullptr};
         level::WriteOptions how{.zstd_level = options.zstd_level, .strip = options.strip};
         Memo lumps;
-        return with_memo<Bytes>(all(std::string("lumps of before"), shape, options.zstd_level), {&lumps}, run, context, [&](bool kept) {
+        return with_memo<Bytes>(all(std::string("lumps of before"), kLumpsVersion, shape, options.zstd_level), {&lumps}, run, context, [&](bool kept) {
             if (!kept) return pack(content, how, context);
             lumps.begin();
             how.known = [&](std::uint64_t key, const std::function<Bytes()>& make) {

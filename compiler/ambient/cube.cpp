@@ -45,7 +45,7 @@ void gather(const Air& air, Vec3 point, std::uint32_t rays, std::uint64_t seed, 
 }
 
 namespace {
-constexpr std::uint64_t kReaches = 3; // what a key is for
+constexpr std::uint64_t kReaches = 3; // what a key is for; others of the same memo in light/kept_rest.cpp
 struct Reach { // whether the light of an entity comes to a point
     static constexpr bool kRawBytes = true;
     std::uint64_t from = 0, clear = 0;
@@ -53,7 +53,7 @@ struct Reach { // whether the light of an entity comes to a point
 };
 } // namespace
 
-std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, double gathered_irradiance, std::uint64_t& rays) {
+std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, std::uint64_t seed, double gathered_irradiance, std::uint64_t& rays) {
     std::vector<LitBy> lights;
     double left = 0;
     air.each_light(point, [&](std::uint32_t i) {
@@ -69,7 +69,7 @@ std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, double gathered_i
     constexpr double kFaint = 0.002;
     // What rays say is kept: lights that have not moved are not asked again.
     std::vector<Reach> kept, now;
-    const std::uint64_t key = air.memo ? key_in(air.bounds, point, mix(kReaches, std::bit_cast<std::uint64_t>(point.x), std::bit_cast<std::uint64_t>(point.y), std::bit_cast<std::uint64_t>(point.z))) : 0;
+    const std::uint64_t key = air.memo ? key_in(air.bounds, point, mix(kReaches, seed, std::bit_cast<std::uint64_t>(point.x), std::bit_cast<std::uint64_t>(point.y), std::bit_cast<std::uint64_t>(point.z))) : 0;
     if (const auto before = air.memo ? air.memo->find(key, {}) : std::nullopt) read_whole(*before, kept);
     bool all_kept = true;
     const auto ask = [&](std::uint32_t l) {

@@ -21,7 +21,8 @@ struct LitBy {
 };
 // Entity lights that reach the point, those that panes filter last, strongest first (ties: first in the list). The faint end, together below
 // 0.2 % of what arrives, is left out untested.
-std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, double gathered_irradiance, std::uint64_t& rays);
+// `seed`: of this point alone.
+std::vector<LitBy> reaching_lights(const Air& air, Vec3 point, std::uint64_t seed, double gathered_irradiance, std::uint64_t& rays);
 
 // n directions spread evenly (Fibonacci spiral).
 std::vector<Vec3> spread_directions(std::size_t n);

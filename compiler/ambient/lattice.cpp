@@ -474,13 +474,14 @@ void Builder::measure(Work& work) const {
             noise += weights[c] * weights[c] * site.gathered.noise2();
         }
         Gathered truth;
-        gather(air_, p, kErrorRays, mix(seed(work.at, std::uint64_t(work.size)), 0x7275u, std::uint64_t(i)), truth);
+        const std::uint64_t stream = mix(seed(work.at, std::uint64_t(work.size)), 0x7275u, std::uint64_t(i));
+        gather(air_, p, kErrorRays, stream, truth);
         work.rays += kErrorRays;
         Cube6 lights{};
         if (air_.light_count) {
             double level = 0;
             for (const Rgbd& e : truth.mean()) level += mean(e) / 6;
-            for (const LitBy& light : reaching_lights(air_, p, level, work.rays)) {
+            for (const LitBy& light : reaching_lights(air_, p, stream, level, work.rays)) {
                 double outside = 0; // share that the corners leave to the run time
                 for (unsigned c = 0; c < 8; ++c)
                     if (weights[c] > 0 && sites_[v->sites[c]].local(light.light, options_)) outside += weights[c];

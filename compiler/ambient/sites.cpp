@@ -82,7 +82,7 @@ void light_up(const Air& air, const AmbientOptions& options, Site& site) {
     const Cube6 mean_cube = site.gathered.mean();
     double level = 0;
     for (const Rgbd& e : mean_cube) level += mean(e) / 6;
-    site.lights = reaching_lights(air, site.position, level, site.rays);
+    site.lights = reaching_lights(air, site.position, site.seed, level, site.rays);
     site.lit = true;
     site.compose(options);
 }

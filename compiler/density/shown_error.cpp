@@ -6,6 +6,7 @@
 #include "libs/sampling/maps.h"
 #include "libs/sampling/sobol.h"
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace kiln {
@@ -79,8 +80,10 @@ public:
     bool buried(const Place& place) const {
         constexpr std::uint32_t kRays = 16; // half of them, as for luxels
         const std::uint64_t stream = mix_place(place.position - corner_, options_.seed, std::uint64_t{90});
+        const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
+        const std::uint64_t key = mix(stream, place.face.value, bits(place.position.x), bits(place.position.y), bits(place.position.z)); // a stream is that of all places within 1/64 unit
         if (memo_)
-            if (const auto kept = memo_->find(stream, {}); kept && kept->size() == 1) return (*kept)[0] != 0;
+            if (const auto kept = memo_->find(key, {}); kept && kept->size() == 1) return (*kept)[0] != 0;
         const Vec3 n = s_.faces[place.face.at()].normal, from = place.position + n * field_.scene().push_off();
         const Frame frame = frame_around(n);
         const Sobol points(stream);
@@ -90,7 +93,7 @@ public:
             back += hit && hit->back;
         }
         const bool is = 2 * back > kRays;
-        if (memo_) memo_->keep(stream, {}, {}, {is});
+        if (memo_) memo_->keep(key, {}, {}, {is});
         return is;
     }
 

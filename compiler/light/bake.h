@@ -154,7 +154,7 @@ struct Quarters {
 PaneRays joined(std::vector<PaneRays>& parts);
 
 // What keys of memos are for.
-enum class KeyOf : std::uint64_t { edges = 1, patches, neighbours, tests, far, clusters, place };
+enum class KeyOf : std::uint64_t { edges = 1, patches, neighbours, tests, far, clusters, place, seams };
 
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 constexpr std::uint32_t kReplicates = 4;
@@ -274,7 +274,8 @@ private:
     bool direct_from(const LightRef& ref, std::uint32_t patch, std::span<Receiver> receivers, bool closely, std::uint64_t* rays) const;
     // How bright it is: direct_from asks for the light of a light of brightness 1, which is kept where only that changes.
     Rgbd brightness(const LightRef& ref) const { return ref.is_emitter ? emitters_.emitters[ref.light].radiance : static_cast<Rgbd>(lights_[ref.light].intensity); }
-    KernelSum direct_at(std::uint32_t patch, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely = false) const;
+    // `luxel`: UINT32_MAX of a patch.
+    KernelSum direct_at(std::uint32_t patch, std::uint32_t luxel, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely = false) const;
     double threshold(std::uint32_t patch,
                      std::uint32_t emitter) const; // form factor from which on it is worth rays of its own
     bool looks_many_ways(std::uint32_t patch) const;

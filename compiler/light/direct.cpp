@@ -302,7 +302,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     const auto offer_entities = [&](std::uint32_t to, std::uint32_t from) {
         for (LightRef& r : spread[to]) {
             const auto at = std::ranges::find(entities[from], r.light, &LightRef::light);
-            if (at != entities[from].end() ? at->hidden != r.hidden || at->penumbra : !r.hidden && !sight_.light_may(r.light, clusters_[from])) r.penumbra = true;
+            if (at != entities[from].end() ? at->hidden != r.hidden || at->penumbra : !r.hidden && receives(from) && !sight_.light_may(r.light, clusters_[from])) r.penumbra = true;
             if (at != entities[from].end()) r.filtered |= at->filtered;
         }
     };
@@ -525,12 +525,12 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
     return !ref.penumbra && !closely;
 }
 
-// All lights of the patch at one place near it, which the seed stands for.
-KernelSum Bake::direct_at(std::uint32_t patch, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely) const {
+// All lights of the patch at a luxel of it, or at places all over it: its footprint.
+KernelSum Bake::direct_at(std::uint32_t patch, std::uint32_t luxel, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely) const {
     std::vector<PlaceDirect> kept, now;
     std::uint64_t key = 0;
     if (memo_) {
-        key = key_of(patch, mix(base_, table_.low, KeyOf::place, seed, effort_[patch], static_cast<std::uint64_t>(closely), hash_of(kernel).low));
+        key = key_of(patch, mix(base_, table_.low, KeyOf::place, luxel, seed, effort_[patch], static_cast<std::uint64_t>(closely), hash_of(kernel).low));
         if (const auto bytes = memo_->direct.find(key, {})) read_whole(*bytes, kept);
     }
     bool all_kept = true;
@@ -721,7 +721,7 @@ std::vector<Rgbd> Bake::patch_direct() {
         constexpr int kTimes = 4; // a whole face: several places
         std::uint64_t rays = 0;
         for (std::uint64_t t = 0; t < kTimes; ++t) {
-            out[p] += direct_at(p, footprint, kernel, seed_at(patch.centroid, 16 + t), &rays).flat * (1.0 / kTimes);
+            out[p] += direct_at(p, UINT32_MAX, footprint, kernel, seed_at(patch.centroid, 16 + t), &rays).flat * (1.0 / kTimes);
         }
         shadow_rays_ += rays;
     }

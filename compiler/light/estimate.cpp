@@ -98,7 +98,7 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const PilotGather& gathered, bool 
     std::array<KernelSum, kReplicates> directs;
     for (std::uint32_t r = 0; r < kReplicates; ++r) {
         const std::uint64_t seed = mix(seed_at(luxel_centroid(luxel), 6), r);
-        const KernelSum direct = directs[r] = direct_at(p, footprint, kernel, mix(seed, 1), &shadow);
+        const KernelSum direct = directs[r] = direct_at(p, l, footprint, kernel, mix(seed, 1), &shadow);
         KernelSum fine = gathered.fine[r].sum(), coarse = gathered.coarse[r].sum(), close = gathered.close[r].sum();
         rest += fine;
         result.value[r] = kernel.displayed(kernel.shown(fine += direct));
@@ -107,7 +107,7 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const PilotGather& gathered, bool 
             for (std::size_t k = 0; k < 4; ++k) by[k] = there[k] - result.value[r][k];
         };
         away(coarse += direct, result.to_coarse[r]);
-        if (!rough) away(close += direct_at(p, footprint, kernel, mix(seed, 2), &shadow, true), result.to_close[r]);
+        if (!rough) away(close += direct_at(p, l, footprint, kernel, mix(seed, 2), &shadow, true), result.to_close[r]);
         sum += fine;
     }
     sum *= 1.0 / kReplicates, rest *= 1.0 / kReplicates;
@@ -116,7 +116,7 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const PilotGather& gathered, bool 
     result.area = luxel.area * luxel_area(surfaces_, luxel.face);
     if (gathered.tilted.empty()) return result;
     // What the encoding makes of normals off the flat one, against the same rays summed for those normals.
-    const auto light = [&](const LuxelKernel& k, const StoredSum& arriving) { return arriving.sum() += direct_at(p, footprint, k, seed_at(luxel_centroid(luxel), 9), &shadow); };
+    const auto light = [&](const LuxelKernel& k, const StoredSum& arriving) { return arriving.sum() += direct_at(p, l, footprint, k, seed_at(luxel_centroid(luxel), 9), &shadow); };
     const std::array<Rgb, 3> stored = kernel.finish(light(kernel, gathered.tilted[0]));
     const std::array<LuxelKernel, 6> tilted = tilted_kernels(kernel);
     for (std::size_t k = 0; k < tilted.size(); ++k) {

@@ -32,7 +32,7 @@ struct QuickLight {
         return a;
     }
 };
-constexpr double kQuickShare = 1e-5; // bound on the error from which on they will do
+constexpr double kQuickShare = 1e-6; // bound on the error, times 1 - the largest reflectance, from which on they will do: that much bounces may make of their rounding
 
 struct Bounces {
     std::vector<Rgbd> irradiance;

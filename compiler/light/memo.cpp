@@ -3,13 +3,15 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cmath>
 
 namespace kiln {
+
 std::uint64_t key_in(const Box3& box, Vec3 point, std::uint64_t hash) {
-    constexpr int kBits = 6;
+    constexpr int kBits = 4;
     std::uint64_t place = 0;
     for (std::size_t a = 0; a < 3; ++a) {
-        const double size = box.hi[a] - box.lo[a], share = size > 0 ? (point[a] - box.lo[a]) / size : 0;
+        const double size = box.hi[a] - box.lo[a], share = size > 0 && std::isfinite(size) ? (point[a] - box.lo[a]) / size : 0;
         const auto at = static_cast<std::uint64_t>(std::clamp(share * (1 << kBits), 0.0, (1 << kBits) - 1.0));
         for (int b = 0; b < kBits; ++b) place |= (at >> b & 1) << (3 * b + static_cast<int>(a));
     }

@@ -31,7 +31,7 @@ constexpr std::uint64_t key_at(std::uint64_t place, std::uint64_t places, std::u
     return place * each + hash % each;
 }
 
-// The same of a point in a box: by cubes of a 64th of the box a side, along a curve that fills it.
+// The same of a point in a box: by parts of a 16th of the box a side, along a curve that fills it.
 std::uint64_t key_in(const Box3& box, Vec3 point, std::uint64_t hash);
 
 // Values as they lie.

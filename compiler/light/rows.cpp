@@ -233,7 +233,9 @@ std::vector<Rgbd> Bake::solve(const Rows& rows, const std::vector<Rgbd>& direct,
     const auto add_row = [&](std::size_t p, const auto& b, auto& sum) {
         for_row(rows, p, [&](std::uint32_t patch, auto factor) { sum += b[patch] * factor; });
     };
-    Bounces solved = quality_.iteration >= kQuickShare ? solve_bounces<QuickLight>(direct, rho, quality_.iteration, context_, add_row) : solve_bounces(direct, rho, quality_.iteration, context_, add_row);
+    double rho_max = 0;
+    for (const Rgbd& r : rho) rho_max = std::max(rho_max, max_component(r));
+    Bounces solved = quality_.iteration * (1 - rho_max) >= kQuickShare ? solve_bounces<QuickLight>(direct, rho, quality_.iteration, context_, add_row) : solve_bounces(direct, rho, quality_.iteration, context_, add_row);
     *iterations = solved.sweeps, *residual = solved.residual;
     return std::move(solved.irradiance);
 }

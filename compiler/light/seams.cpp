@@ -138,10 +138,14 @@ std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, 
     };
     // What rays say of each: a function of geometry and of where anything was baked.
     enum class Point : std::uint8_t { kShut, kOpen, kTorn };
-    const std::uint64_t key = memo ? mix(hash_bytes(raw_bytes(s.luxels)).low, hash_bytes(raw_bytes(lighting.valid)).low, std::bit_cast<std::uint64_t>(density)) : 0;
+    const std::uint64_t key = memo ? mix(hash_of(scene.instruction_set()).low, KeyOf::seams, hash_bytes(raw_bytes(s.luxels)).low, hash_bytes(raw_bytes(lighting.valid)).low, std::bit_cast<std::uint64_t>(density)) : 0;
     std::vector<std::vector<Point>> states(sides.size());
-    const auto kept = memo ? memo->find(key, {}) : std::nullopt;
-    if (kept) read_whole(*kept, states);
+    bool kept = false;
+    if (const auto before = memo ? memo->find(key, {}) : std::nullopt) {
+        read_whole(*before, states);
+        kept = states.size() == sides.size();
+        states.resize(sides.size());
+    }
     std::vector<std::vector<SeamPoint>> points(sides.size());
     parallel_for(context, sides.size(), [&](std::size_t i) {
         if (sides[i][0].triangle == UINT32_MAX) return;

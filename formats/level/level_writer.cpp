@@ -31,11 +31,9 @@ public:
         ZSTD_CCtx_setParameter(zstd_.get(), ZSTD_c_contentSizeFlag, 1);
     }
     Blob compress(std::span<const std::uint8_t> raw) {
-        return known(raw, ZSTD_versionNumber() * 256u + static_cast<std::uint64_t>(options_.zstd_level + 128), [&] { return pack(raw); });
-    }
-    // What is made of the bytes, in the way that `how` stands for.
-    Blob known(std::span<const std::uint8_t> bytes, std::uint64_t how, const std::function<Blob()>& make) const {
-        return options_.known ? options_.known(XXH3_64bits_withSeed(bytes.data(), bytes.size(), how), make) : make();
+        if (!options_.known) return pack(raw);
+        const std::uint64_t how = ZSTD_versionNumber() * 256u + static_cast<std::uint64_t>(options_.zstd_level + 128);
+        return options_.known(XXH3_64bits_withSeed(raw.data(), raw.size(), how) + raw.size(), [&] { return pack(raw); });
     }
     Blob pack(std::span<const std::uint8_t> raw) {
         Blob out(ZSTD_compressBound(raw.size()));

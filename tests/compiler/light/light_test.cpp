@@ -485,6 +485,23 @@ TEST(Bounces, ComeToTheClosedFormOfALine) {
     }
 }
 
+// Added up in floats rows tell the same, within the bound that was asked for and colours apart.
+TEST(Bounces, FloatsWillDo) {
+    constexpr std::size_t n = 301;
+    Context context;
+    std::vector<Rgbd> direct(n), rho(n);
+    for (std::uint64_t p = 0; p < n; ++p) direct[p] = {1e-3 + static_cast<double>(mix(p) % 100), 1, p == 7 ? 1e4 : 0}, rho[p] = {0.8, 0.5, static_cast<double>(mix(p, p) % 90) / 100};
+    const auto row = [&](std::size_t p, const auto& b, auto& sum) {
+        for (std::uint64_t k = 0; k < 20; ++k) sum += b[mix(p, k) % n] * (0.03 + 0.001 * static_cast<double>(k));
+        sum += b[(p + 1) % n] * Rgbd{0.1, 0.05, 0.2};
+    };
+    const double share = 10 * kQuickShare; // reflectances are at most 0.9
+    const Bounces exact = solve_bounces(direct, rho, share, context, row), quick = solve_bounces<QuickLight>(direct, rho, share, context, row);
+    EXPECT_EQ(quick.sweeps, exact.sweeps);
+    for (std::size_t p = 0; p < n; ++p)
+        for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(quick.irradiance[p][c], exact.irradiance[p][c], share * exact.irradiance[p][c] + 1e-9) << p;
+}
+
 // A bright closet beside rooms of which it sees little makes sweeps no less worth than plain ones.
 TEST(Bounces, OneBrightClosetCostsNothing) {
     constexpr std::size_t n = 202;

@@ -223,6 +223,24 @@ TEST(Relight, FarRoomsAreTakenOver) {
 }
 
 // Little that is new is a table of its own, in front of the others; much of it makes one of what was found or kept.
+// Keys of places lie in their order, the last of them within range.
+TEST(Relight, KeysGoByPlaces) {
+    for (const std::uint64_t places : {1ull, 7ull, 100'000ull}) {
+        std::uint64_t before = 0;
+        for (std::uint64_t p = 0; p < std::min<std::uint64_t>(places, 50); ++p) {
+            const std::uint64_t place = places > 50 ? places - 50 + p : p, least = key_at(place, places, 0);
+            for (const std::uint64_t hash : {mix(p), ~std::uint64_t{0}}) EXPECT_GE(key_at(place, places, hash), least);
+            EXPECT_NE(key_at(place, places, 1), key_at(place, places, 2));
+            EXPECT_TRUE(p == 0 || least > before);
+            before = std::max(key_at(place, places, mix(p)), key_at(place, places, ~std::uint64_t{0}));
+        }
+    }
+    Box3 box;
+    box.add(Vec3{-10, 0, 5}), box.add(Vec3{90, 0, 6}); // flat along one side
+    EXPECT_NE(key_in(box, {-10, 0, 5}, 1), key_in(box, {89, 0, 5}, 1));
+    EXPECT_EQ(key_in(box, {90, 0, 6}, 1), key_in(box, {1e9, 7, 1e9}, 1)); // beyond it: what lies next
+}
+
 TEST(Relight, OfAMemoIsWrittenWhatIsNew) {
     const std::vector<std::uint64_t> before{1, 2, 3}, after{1, 2, 4};
     Memo memo;

@@ -2,7 +2,10 @@
 #include "formats/level/numbers.h"
 #include "tests/formats/level/sample_level.h"
 #include <cstring>
+#include <functional>
 #include <gtest/gtest.h>
+#include <map>
+#include <utility>
 
 namespace kiln::level {
 namespace {
@@ -431,6 +434,29 @@ TEST_P(RoundTrip, Overlays) {
 INSTANTIATE_TEST_SUITE_P(Encodings, RoundTrip, testing::Values(0, 1, 2), encoding_name);
 
 } // namespace
+
+// Lumps that are as they were in an earlier write are not packed again, and the file is the same.
+TEST(LevelWriter, WhatIsKnownIsNotPackedAgain) {
+    std::map<std::uint64_t, std::vector<std::uint8_t>> kept;
+    std::size_t made = 0;
+    WriteOptions options;
+    options.known = [&](std::uint64_t key, const std::function<std::vector<std::uint8_t>()>& make) {
+        const auto [at, fresh] = kept.try_emplace(key);
+        if (fresh) at->second = make(), ++made;
+        return at->second;
+    };
+    const LevelContent room = test::constant_room({1, 2, 3}, true), other = test::constant_room({2, 2, 3}, true);
+    EXPECT_EQ(write_level(room, options), write_level(room));
+    const std::size_t all = std::exchange(made, 0);
+    EXPECT_EQ(write_level(room, options), write_level(room));
+    EXPECT_EQ(made, 0u);
+    EXPECT_EQ(write_level(other, options), write_level(other));
+    EXPECT_GT(made, 0u);
+    EXPECT_LT(made, all / 2);
+    made = 0, options.zstd_level = 1;
+    EXPECT_EQ(write_level(room, options), write_level(room, {.zstd_level = 1}));
+    EXPECT_EQ(made, all);
+}
 
 TEST(LevelWriter, SameContentSameBytes) {
     EXPECT_EQ(write_level(mixture(5)), write_level(mixture(5)));
