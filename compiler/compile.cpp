@@ -237,7 +237,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 37, kAmbientVersion = 19, kDensityVersion = 17, kLumpsVersion = 1;
+constexpr std::uint32_t kLightVersion = 37, kAmbientVersion = 19, kDensityVersion = 17, kLumpsVersion = 2;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 // Each table lies in the store by itself: most runs change small ones alone. make(whether there are memos)
 template <class T, class Make> Result<T> with_memo(Hash place, const std::vector<Memo*>& memos, const CompileRun& run, Context& context, const Make& make) {
@@ -393,12 +393,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
         return with_memo<Bytes>(all(std::string("lumps of before"), kLumpsVersion, shape, options.zstd_level), {&lumps}, run, context, [&](bool kept) {
             if (!kept) return pack(content, how, context);
             lumps.begin();
-            how.known = [&](std::uint64_t key, const std::function<Bytes()>& make) {
-                if (const auto before = lumps.find(key, {})) return Bytes(before->begin(), before->end());
-                Bytes made = make();
-                lumps.keep(key, {}, {}, made);
-                return made;
-            };
+            how.known = [&](std::uint64_t key, const std::function<Bytes()>& make) { return known_or<Bytes>(&lumps, key, make); };
             Bytes level = pack(content, how, context);
             lumps.end();
             return level;

@@ -82,19 +82,17 @@ public:
         const std::uint64_t stream = mix_place(place.position - corner_, options_.seed, std::uint64_t{90});
         const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
         const std::uint64_t key = mix(stream, place.face.value, bits(place.position.x), bits(place.position.y), bits(place.position.z)); // a stream is that of all places within 1/64 unit
-        if (memo_)
-            if (const auto kept = memo_->find(key, {}); kept && kept->size() == 1) return (*kept)[0] != 0;
-        const Vec3 n = s_.faces[place.face.at()].normal, from = place.position + n * field_.scene().push_off();
-        const Frame frame = frame_around(n);
-        const Sobol points(stream);
-        std::uint32_t back = 0;
-        for (std::uint32_t i = 0; i < kRays; ++i) {
-            const auto hit = field_.scene().closest(from, frame.world(cosine_hemisphere(points.pair(i, 0))));
-            back += hit && hit->back;
-        }
-        const bool is = 2 * back > kRays;
-        if (memo_) memo_->keep(key, {}, {}, {is});
-        return is;
+        return known_or<bool>(memo_, key, [&] {
+            const Vec3 n = s_.faces[place.face.at()].normal, from = place.position + n * field_.scene().push_off();
+            const Frame frame = frame_around(n);
+            const Sobol points(stream);
+            std::uint32_t back = 0;
+            for (std::uint32_t i = 0; i < kRays; ++i) {
+                const auto hit = field_.scene().closest(from, frame.world(cosine_hemisphere(points.pair(i, 0))));
+                back += hit && hit->back;
+            }
+            return 2 * back > kRays;
+        });
     }
 
 private:

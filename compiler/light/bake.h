@@ -201,10 +201,7 @@ private:
     void name_table();
     // What an earlier bake of this geometry has made under that key, or makes it.
     template <class T, class Make> T known_or(std::uint64_t key, const Make& make) const {
-        if (const auto kept = memo_ ? memo_->lights.find(key, {}) : std::nullopt) return from_bytes<T>(*kept);
-        T made = make();
-        if (memo_) memo_->lights.keep(key, {}, {}, to_bytes(made));
-        return made;
+        return kiln::known_or<T>(memo_ ? &memo_->lights : nullptr, key, make);
     }
     PieceEdges piece_edges() const;
     PatchTable patches_of(double h) const; // of that size

@@ -148,6 +148,14 @@ private:
     std::size_t found_count_ = 0, kept_count_ = 0;
 };
 
+// What an earlier run has made under that key, or makes it. No memo: it is made.
+template <class T, class Make> T known_or(Memo* memo, std::uint64_t key, const Make& make) {
+    if (const auto kept = memo ? memo->find(key, {}) : std::nullopt) return from_bytes<T>(*kept);
+    T made = make();
+    if (memo) memo->keep(key, {}, {}, to_bytes(made));
+    return made;
+}
+
 // Kept for one geometry: surfaces, and what blocks light or lets it through. Another needs another memo, and other rows.
 struct LightMemo {
     Memo lights, direct, gather, smooth, pilot; // of all tables of patches
