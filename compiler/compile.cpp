@@ -237,7 +237,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 37, kAmbientVersion = 19, kDensityVersion = 17, kLumpsVersion = 2;
+constexpr std::uint32_t kLightVersion = 38, kAmbientVersion = 19, kProbesVersion = 5, kDensityVersion = 17, kLumpsVersion = 2;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 // Each table lies in the store by itself: most runs change small ones alone. make(whether there are memos)
 template <class T, class Make> Result<T> with_memo(Hash place, const std::vector<Memo*>& memos, const CompileRun& run, Context& context, const Make& make) {
@@ -363,8 +363,13 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     if (!ambient) return ambient.fault();
     if (done(Stage::ambient)) return true;
 
-    const auto probes = stages.run(Stage::probes, 4, all(lit, *light, probe_entities_key(world, out.bsp), options.probes), all(places, entity_lines_key(world)), out.probes,
-                                   [&] { return bake_probes(world, out.bsp, out.bsp.planes, out.surfaces, field(), options.probes, context); });
+    const Hash probe_entities = probe_entities_key(world, out.bsp);
+    const auto probes = stages.run(Stage::probes, kProbesVersion, all(lit, *light, probe_entities, options.probes), all(places, entity_lines_key(world)), out.probes,
+                                   [&] {
+                                       Memo memo;
+                                       return with_memo<Probes>(all(std::string("probes of before"), kProbesVersion, field().scene().instruction_set(), shape, probe_entities, options.probes), {&memo}, run, context,
+                                                                [&](bool kept) { return bake_probes(world, out.bsp, out.bsp.planes, out.surfaces, field(), options.probes, context, kept ? &memo : nullptr); });
+                                   });
     if (!probes) return probes.fault();
     if (done(Stage::probes)) return true;
 

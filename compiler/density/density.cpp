@@ -6,7 +6,9 @@
 #include "libs/parallel/parallel.h"
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <numeric>
+#include <optional>
 
 namespace kiln {
 namespace {
@@ -23,7 +25,9 @@ public:
         for (const Luxel& l : s.luxels) ++first_luxel_[l.chart.at() + 1];
         std::partial_sum(first_luxel_.begin(), first_luxel_.end(), first_luxel_.begin());
     }
-    Density run(Context& context, Memo* memo) const;
+    // `from`: the light that a chart's texels are made from, by fit(chart), where no earlier run has made a grid of it.
+    using Fit = std::function<void(std::size_t chart)>;
+    Density run(Context& context, Memo* memo, const Lighting& from, const Fit& fit) const;
 
 private:
     const Surfaces& s_;
@@ -42,7 +46,7 @@ private:
         double square = 0, weight = 0;
         template <class A> void fields(A& a) { a(grid, flat, rnm, valid, error, square, weight); }
     };
-    std::uint64_t key(std::size_t chart) const;
+    std::uint64_t key(const Lighting& from, std::size_t chart) const;
     Made make(std::size_t chart) const;
     void note_quality(const ChartFit& fit, std::size_t chart, Made& out) const;
     ChartLight light_of(std::size_t chart) const;
@@ -273,25 +277,29 @@ Coarsening::Made Coarsening::make(std::size_t chart) const {
 }
 
 // Of all that a chart's grid is made from.
-std::uint64_t Coarsening::key(std::size_t chart) const {
+std::uint64_t Coarsening::key(const Lighting& from, std::size_t chart) const {
     const Chart& c = s_.charts[chart];
     const std::size_t n = std::size_t{c.width} * c.height;
     ByteWriter w;
     w(chart, share_, floor_, light_.encoding, directional(chart));
     const auto texels = [&](const auto& of, std::size_t first) { w.raw(&of[first], n * sizeof of[first]); };
-    texels(light_.flat, c.first_texel), texels(light_.valid, c.first_texel), texels(light_.texel_error, c.first_texel);
-    if (directional(chart)) texels(light_.rnm, light_.rnm_first[chart]);
+    texels(from.flat, c.first_texel), texels(from.valid, c.first_texel), texels(from.texel_error, c.first_texel);
+    if (directional(chart)) texels(from.rnm, from.rnm_first[chart]);
+    if (!from.patch_index.empty()) texels(from.patch_index, c.first_texel);
+    for (std::uint32_t l = first_luxel_[chart]; l < first_luxel_[chart + 1] && !from.piece_patch.empty(); ++l)
+        if (const Luxel& luxel = s_.luxels[l]; luxel.piece_count > 1) w.raw(&from.piece_patch[luxel.first_piece], luxel.piece_count * sizeof(std::uint32_t));
     return hash_bytes(w.bytes).low;
 }
 
-Density Coarsening::run(Context& context, Memo* memo) const {
+Density Coarsening::run(Context& context, Memo* memo, const Lighting& from, const Fit& fit) const {
     std::vector<Made> made(s_.charts.size());
     parallel_for(context, "density", made.size(), [&](std::size_t chart) {
-        const std::uint64_t of = memo ? key(chart) : 0;
+        const std::uint64_t of = memo ? key(from, chart) : 0;
         if (const auto kept = memo ? memo->find(of, {}) : std::nullopt) {
             made[chart] = from_bytes<Made>(*kept);
             return;
         }
+        fit(chart);
         made[chart] = make(chart);
         if (memo) memo->keep(of, {}, {}, to_bytes(made[chart]));
     });
@@ -312,13 +320,11 @@ Density Coarsening::run(Context& context, Memo* memo) const {
     return out;
 }
 
-} // namespace
-
-Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo) {
-    if (!(options.error_percent > 0)) return Density{};
+// `shown`: of `from`, chart by chart as fit() makes it.
+Result<Density> coarsened(const Surfaces& surfaces, const Lighting& shown, const Lighting& from, const DensityOptions& options, Context& context, Memo* memo, const std::function<void(std::size_t)>& fit) {
     try {
         if (memo) memo->begin();
-        Density out = Coarsening(surfaces, lighting, options).run(context, memo);
+        Density out = Coarsening(surfaces, shown, options).run(context, memo, from, fit);
         if (memo) memo->end();
         return out;
     } catch (const Cancelled&) {
@@ -326,11 +332,22 @@ Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, cons
     }
 }
 
+} // namespace
+
+Result<Density> coarsen(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo) {
+    if (!(options.error_percent > 0)) return Density{};
+    return coarsened(surfaces, lighting, lighting, options, context, memo, [](std::size_t) {});
+}
+
 Result<Density> level_texels(const Surfaces& surfaces, const Lighting& lighting, const DensityOptions& options, Context& context, Memo* memo) {
     if (!(options.error_percent > 0)) return Density{};
-    const Result<Lighting> shown = fit_shown(surfaces, lighting, context);
-    if (!shown) return shown.fault();
-    return coarsen(surfaces, *shown, options, context, memo);
+    Lighting shown = ShownFit::begun(lighting);
+    std::optional<ShownFit> fitting; // where some chart is not known
+    std::once_flag once;
+    return coarsened(surfaces, shown, lighting, options, context, memo, [&](std::size_t chart) {
+        std::call_once(once, [&] { fitting.emplace(surfaces, lighting); });
+        fitting->fit(chart, shown);
+    });
 }
 
 void validate(const Density& d, const Surfaces& s, const Lighting& light) {

@@ -17,7 +17,6 @@ static_assert(kMostRowRays / kQuarters <= UINT16_MAX); // Quarters::rays
 constexpr double kSteep = 5;                               // targets by which direct light of luxels side by side may differ
 constexpr double kReadStep = 0.5;                          // of the target: to what share of itself light is rounded where rays read it
 constexpr double kFarPatches = 3;                          // sizes of a patch from which on light close by is not followed further
-constexpr std::uint64_t kRounding = 7;                     // pass of seed_at
 constexpr std::size_t kChunk = 1024;                       // patches or luxels, of a few instructions each
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
@@ -165,17 +164,18 @@ HemisphereMap Bake::map_of(ChartId chart) const {
     return {cones_[chart.at()] || surfaces_.charts[chart.at()].smooth ? 0.6 : 1.0};
 }
 
-// Reflected radiance at hits, rounded: direct light of the very luxel, the rest by patch.
-ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const {
+// Reflected radiance at hits, rounded: direct light of the very luxel, the rest by patch. `same_direct`: made from the same direct light.
+ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total, const ReflectedLight* same_direct) const {
     ReflectedLight out;
     constexpr double inv_pi = 1 / std::numbers::pi;
     out.patch.resize(patches_.patches.size());
     parallel_chunks(context_, out.patch.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         for (std::size_t p = begin; p < end; ++p)
-            out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * rounded(total[p], Random(seed_at(patches_.patches[p].centroid, kRounding))()) * inv_pi);
+            out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * rounded(total[p], patch_rounding_[p]) * inv_pi);
     });
     out.texel.resize(surfaces_.texel_count);
-    out.direct.resize(surfaces_.texel_count);
+    if (same_direct) out.direct = same_direct->direct;
+    else out.direct.resize(surfaces_.texel_count);
     std::vector<std::uint8_t> lit(surfaces_.texel_count);
     parallel_chunks(context_, surfaces_.luxels.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         for (std::size_t l = begin; l < end; ++l) {
@@ -184,7 +184,7 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
             if (p == kNoPatch) continue;
             const std::size_t texel = texel_of(surfaces_, luxel);
             const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
-            out.direct[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat, luxel_rounding_[l]));
+            if (!same_direct) out.direct[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat, luxel_rounding_[l]));
             out.texel[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat + rest_of_luxel[l], luxel_rounding_[l]));
             lit[texel] = 1;
         }
@@ -224,7 +224,7 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
         std::vector<Rgbd> own, told;
         for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
             const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
-            if (!(mean(rho) > 0)) continue;
+            if (!(mean(rho) > 0) || !stirred_[p]) continue; // the others have been drawn as far as they go
             const std::span<const std::uint32_t> luxels = luxels_of(p);
             own.assign(luxels.size(), {}), told.assign(luxels.size(), {});
             double apart = 0, noise = 0, level = 0, count = 0;
@@ -232,7 +232,7 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
                 const std::uint32_t l = luxels[k];
                 if (!gathered_there_[l]) continue;
                 told[k] = static_cast<Rgbd>(reflected_.texel[texel_of(surfaces_, surfaces_.luxels[l])]);
-                own[k] = rho * light_of(l).flat;
+                own[k] = rho * (direct_[l].flat + static_cast<Rgbd>(smoothed_[l].flat));
                 const double by = mean(own[k]) - mean(told[k]);
                 apart += by * by, noise += mean(rho) * mean(rho) * gathered_variance_[l][0] * static_cast<double>(left_[l]), level += mean(told[k]), ++count;
             }
@@ -259,15 +259,15 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
         }
     });
     std::vector<std::uint32_t> out;
-    std::vector<std::uint8_t> has_moved(n); // less to read than how far
-    for (std::size_t p = 0; p < n; ++p) has_moved[p] = moved[p] > 0;
-    if (!std::ranges::count(has_moved, 1)) return out;
+    std::vector<std::uint64_t> has_moved(n / 64 + 1); // bits: less to read than how far
+    for (std::size_t p = 0; p < n; ++p) has_moved[p / 64] |= std::uint64_t{moved[p] > 0} << (p % 64);
+    if (std::ranges::none_of(has_moved, [](std::uint64_t bits) { return bits; })) return out;
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
         for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
             const double level = std::max(mean(rest_[p] + solved_direct_[p]), floor_);
             if (covered_[p] || luxels_of(p).empty() || !(level > 0)) continue;
             for_row(rows_, p, [&](std::uint32_t patch, auto factor) {
-                if (has_moved[patch]) stale[p] += moved[patch] * mean(Rgbd{1, 1, 1} * factor) * std::numbers::pi / level;
+                if (has_moved[patch / 64] >> (patch % 64) & 1) stale[p] += moved[patch] * mean(Rgbd{1, 1, 1} * factor) * std::numbers::pi / level;
             });
         }
     });
@@ -276,74 +276,98 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
     return out;
 }
 
-// `parent`: of each patch, in `table`, of that name.
-void Bake::far_light(std::span<const std::uint32_t> parent, const PatchTable& table, Hash name, double size, ReflectedLight* light) const {
-    const std::size_t n = patches_.patches.size();
-    light->place.resize(n), light->reach.assign(n, 0), light->far_from.resize(n);
-    for (std::size_t p = 0; p < n; ++p) {
-        const Vec3 place = light->place[p] = table.patches[parent[p]].centroid;
-        const Face& face = surfaces_.faces[patches_.patches[p].face.at()];
-        if (face.chart.valid()) { // patches are luxels at least
-            light->far_from[p] = kFarPatches * std::max(size, surfaces_.charts[face.chart.at()].luxel_size);
-            continue;
+// Of a table of patches of that size, its rows, and which patches each of them is made of.
+void Bake::far_light(const Rows& rows, const PatchTable& table, const Grouped& parts, Hash name, double size, ReflectedLight* light) const {
+    const std::size_t n = patches_.patches.size(), m = parts.size();
+    light->place.resize(n), light->reach.assign(n, 0), light->far_from.resize(n), light->far.resize(n);
+    parallel_chunks(context_, m, kChunk, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t c = begin; c < end; ++c) {
+            const Vec3 place = table.patches[c].centroid;
+            for (const std::uint32_t p : parts[c]) {
+                light->place[p] = place;
+                const Face& face = surfaces_.faces[patches_.patches[p].face.at()];
+                if (face.chart.valid()) { // patches are luxels at least
+                    light->far_from[p] = kFarPatches * std::max(size, surfaces_.charts[face.chart.at()].luxel_size);
+                    continue;
+                }
+                for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t)
+                    for (const std::uint32_t v : surfaces_.triangles[t]) light->reach[p] = std::max(light->reach[p], length(surfaces_.positions[v] - place));
+                light->far_from[p] = kFarPatches * size + light->reach[p];
+            }
         }
-        for (std::uint32_t t = face.first_triangle; t < face.first_triangle + face.triangle_count; ++t)
-            for (const std::uint32_t v : surfaces_.triangles[t]) light->reach[p] = std::max(light->reach[p], length(surfaces_.positions[v] - place));
-        light->far_from[p] = kFarPatches * size + light->reach[p];
+    });
+    // Which of all that rows met are far off: of each, patches, then what its parts met that is none.
+    std::vector<std::size_t> first(m + 1);
+    for (std::size_t c = 0; c < m; ++c) {
+        first[c + 1] = first[c] + (rows.first[c + 1] - rows.first[c]);
+        for (const std::uint32_t p : parts[c]) first[c + 1] += lone_first_[p + 1] - lone_first_[p];
     }
-    // Which of all that rows met are far off, in the order of for_met.
-    std::vector<std::size_t> first(n + 1);
-    for (std::size_t p = 0; p < n; ++p) first[p + 1] = first[p] + (rows_.first[p + 1] - rows_.first[p]) + (lone_first_[p + 1] - lone_first_[p]);
     const auto far_off = known_or<std::vector<std::uint8_t>>(mix(name.low, KeyOf::far, std::bit_cast<std::uint64_t>(size)), [&] {
-        std::vector<std::uint8_t> out(first[n]);
-        parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
-            for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p)
-                for_met(p, [&, k = first[p]](std::uint32_t code, const Quarters&) mutable { out[k++] = is_far(*light, p, code); });
+        std::vector<std::uint8_t> out(first[m]);
+        parallel_chunks(context_, m, kChunk, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t c = begin; c < end; ++c) {
+                std::size_t at = first[c];
+                for (std::uint64_t k = rows.first[c]; k < rows.first[c + 1]; ++k) out[at++] = is_far(*light, parts[c][0], parts[rows.patch[k]][0]);
+                for (const std::uint32_t p : parts[c]) for_lone(p, [&](std::uint32_t code, const Quarters&) { out[at++] = is_far(*light, p, code); });
+            }
         });
         return out;
     });
+    std::vector<Rgb> reflected(m);
+    for (std::size_t c = 0; c < m; ++c) {
+        double area = 0;
+        Rgbd sum;
+        for (const std::uint32_t p : parts[c]) sum += static_cast<Rgbd>(light->patch[p]) * patches_.patches[p].area, area += patches_.patches[p].area;
+        if (area > 0) reflected[c] = static_cast<Rgb>(sum / area);
+    }
     const bool of_patches = patches_shine();
-    std::vector<Rgbd> met(n);
-    std::vector<double> count(n); // share of the row
-    parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
-        for (auto p = static_cast<std::uint32_t>(begin); p < end; ++p) {
-            std::size_t at = first[p];
-            const auto shines = [&](std::uint32_t code, double share) {
-                if (const std::uint32_t e = emitter_of(code); e != UINT32_MAX && !listed(p, e)) met[p] += emitters_.emitters[e].radiance * share;
+    parallel_chunks(context_, m, kChunk, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t c = begin; c < end; ++c) {
+            double area = 0, count = 0; // of the row, all parts together
+            for (const std::uint32_t p : parts[c]) area += patches_.patches[p].area;
+            if (!(area > 0)) area = 1;
+            Rgbd met;
+            const auto shines = [&](std::uint32_t p, std::uint32_t code, double share) {
+                if (const std::uint32_t e = emitter_of(code); e != UINT32_MAX && !listed(p, e)) met += emitters_.emitters[e].radiance * share;
             };
-            for (std::uint64_t k = rows_.first[p]; k < rows_.first[p + 1]; ++k) {
+            std::size_t at = first[c];
+            for (std::uint64_t k = rows.first[c]; k < rows.first[c + 1]; ++k) {
                 if (!far_off[at++]) continue;
-                const auto share = static_cast<double>(rows_.weight[k]);
-                count[p] += share, met[p] += static_cast<Rgbd>(light->patch[rows_.patch[k]]) * share;
-                if (of_patches) shines(rows_.patch[k], share);
+                const auto share = static_cast<double>(rows.weight[k]);
+                count += share, met += static_cast<Rgbd>(reflected[rows.patch[k]]) * share;
+                for (std::size_t i = 0; of_patches && i < parts[c].size(); ++i) shines(parts[c][i], parts[rows.patch[k]][0], share * patches_.patches[parts[c][i]].area / area);
             }
-            for (std::uint64_t k = lone_first_[p]; k < lone_first_[p + 1]; ++k) {
-                if (!far_off[at++]) continue;
-                const double share = lone_met_[k].all() * (1.0 / quality_.row_rays);
-                count[p] += share, shines(lone_[k], share);
-            }
+            for (const std::uint32_t p : parts[c])
+                for_lone(p, [&](std::uint32_t code, const Quarters& rays) {
+                    if (!far_off[at++]) return;
+                    const double share = rays.all() * (1.0 / quality_.row_rays) * (patches_.patches[p].area / area);
+                    count += share, shines(p, code, share);
+                });
+            const Rgb mean = static_cast<Rgb>(count > 0 ? rounded(met / count, Random(seed_at(table.patches[c].centroid, kRounding))()) : Rgbd{-1, -1, -1});
+            for (const std::uint32_t p : parts[c]) light->far[p] = mean;
         }
     });
-    std::vector<Rgbd> sum(table.patches.size());
-    std::vector<double> weight(table.patches.size());
-    for (std::uint32_t p = 0; p < n; ++p) sum[parent[p]] += met[p] * patches_.patches[p].area, weight[parent[p]] += count[p] * patches_.patches[p].area;
-    for (std::size_t c = 0; c < sum.size(); ++c)
-        sum[c] = weight[c] > 0 ? rounded(sum[c] / weight[c], Random(seed_at(table.patches[c].centroid, kRounding))()) : Rgbd{-1, -1, -1};
-    light->far.resize(n);
-    for (std::size_t p = 0; p < n; ++p) light->far[p] = static_cast<Rgb>(sum[parent[p]]);
 }
 
 void Bake::make_larger() {
     const std::size_t n = patches_.patches.size();
     larger_ = {};
-    larger_.table = patches_of(2 * quality_.patch_size), larger_.touching = touching(larger_.table, larger_table_);
+    larger_.table = patches_of(2 * quality_.patch_size);
     const std::size_t m = larger_.table.patches.size();
-    larger_.of.resize(n), larger_.parts.resize(m), larger_.area.resize(m);
+    larger_.neighbours = neighbours_of(touching(larger_.table, larger_table_), m);
+    larger_.of.resize(n), larger_.area.resize(m);
     for (std::uint32_t p = 0; p < n; ++p) {
         const bool pieces = patches_.first_piece[p] < patches_.first_piece[p + 1];
         const std::uint32_t c = larger_.of[p] = pieces ? larger_.table.piece_patch[patches_.pieces[patches_.first_piece[p]]] : larger_.table.face_patch[patches_.patches[p].face.at()];
-        larger_.parts[c].push_back(p), larger_.area[c] += patches_.patches[p].area;
+        larger_.area[c] += patches_.patches[p].area;
     }
+    larger_.parts = Grouped(m, [&](const auto& add) {
+        for (std::uint32_t p = 0; p < n; ++p) add(larger_.of[p], p);
+    });
+    larger_.luxels = Grouped(m, [&](const auto& add) {
+        for (std::uint32_t l = 0; l < luxel_patch_.size(); ++l)
+            if (luxel_patch_[l] != kNoPatch) add(larger_.of[luxel_patch_[l]], l);
+    });
 }
 
 // The solution on patches of twice the size.
@@ -365,11 +389,8 @@ ReflectedLight Bake::coarse_light(const std::vector<Rgbd>& direct, const std::ve
     std::vector<Rgbd> coarse_rest(m), rest(n), total(n);
     for (std::size_t c = 0; c < m; ++c) coarse_rest[c] = solved[c] - coarse_direct[c];
     for (std::size_t p = 0; p < n; ++p) rest[p] = coarse_rest[parent[p]], total[p] = coarse_direct[parent[p]] + rest[p];
-    std::vector<std::uint32_t> luxel_parent(luxel_patch_);
-    for (std::uint32_t& p : luxel_parent)
-        if (p != kNoPatch) p = parent[p];
-    ReflectedLight out = reflected_light(values_at_luxels(surfaces_, larger_.touching, larger_.table, luxel_parent, coarse_rest), total);
-    far_light(parent, larger_.table, larger_table_, 2 * quality_.patch_size, &out);
+    ReflectedLight out = reflected_light(values_at_luxels(surfaces_, larger_.neighbours, larger_.luxels, coarse_rest, context_), total, &reflected_);
+    far_light(larger_.rows, larger_.table, larger_.parts, larger_table_, 2 * quality_.patch_size, &out);
     return out;
 }
 
@@ -392,20 +413,21 @@ void Bake::make_patches() {
     patch_emitter_.clear();
     for (const Patch& p : patches_.patches) patch_emitter_.push_back(emitters_.of_face[p.face.at()]);
     luxel_patch_ = patches_of_luxels(surfaces_, patches_.piece_patch);
-    std::vector<std::vector<std::uint32_t>> by_patch(n);
-    for (std::uint32_t l = 0; l < luxels; ++l)
-        if (luxel_patch_[l] != kNoPatch) by_patch[luxel_patch_[l]].push_back(l);
-    patch_luxel_first_.assign(1, 0);
-    patch_luxels_.clear();
-    for (const auto& list : by_patch) {
-        patch_luxels_.insert(patch_luxels_.end(), list.begin(), list.end());
-        patch_luxel_first_.push_back(static_cast<std::uint32_t>(patch_luxels_.size()));
-    }
+    patch_luxels_ = Grouped(n, [&](const auto& add) {
+        for (std::uint32_t l = 0; l < luxels; ++l)
+            if (luxel_patch_[l] != kNoPatch) add(luxel_patch_[l], l);
+    });
+    luxel_area_.assign(n, 0), patch_rounding_.resize(n);
+    parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t p = begin; p < end; ++p) {
+            patch_rounding_[p] = Random(seed_at(patches_.patches[p].centroid, kRounding))();
+            for (const std::uint32_t l : luxels_of(p)) luxel_area_[p] += surfaces_.luxels[l].area * luxel_area(surfaces_, surfaces_.luxels[l].face);
+        }
+    });
 
     if (memo_) name_table();
     touching_ = touching(patches_, table_);
-    neighbours_.assign(n, {});
-    for (const auto& [p, q] : touching_) neighbours_[p].push_back(q), neighbours_[q].push_back(p); // ascending, as the pairs are
+    neighbours_ = neighbours_of(touching_, n);
     make_larger();
     make_rows();
     std::vector<Rgbd> rho;
@@ -446,10 +468,11 @@ std::vector<Rgbd> Bake::solve_patches() {
     floor_ = area > 0 ? error_floor(options_.error_floor, sum / area) : 0;
     rest_.resize(n);
     for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
-    reflected_ = reflected_light(values_at_luxels(surfaces_, touching_, patches_, luxel_patch_, rest_), total);
-    std::vector<std::uint32_t> self(n);
-    std::iota(self.begin(), self.end(), 0u);
-    far_light(self, patches_, table_, quality_.patch_size, &reflected_);
+    reflected_ = reflected_light(values_at_luxels(surfaces_, neighbours_, patch_luxels_, rest_, context_), total);
+    const Grouped alone(n, [&](const auto& add) {
+        for (std::uint32_t p = 0; p < n; ++p) add(p, p);
+    });
+    far_light(rows_, patches_, alone, table_, quality_.patch_size, &reflected_);
     bright_.clear();
     for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
     coarse_ = coarse_light(direct, first);
@@ -478,8 +501,7 @@ Lighting Bake::run() {
     out_.rnm.resize(rnm);
 
     if (memo_) open_memo();
-    edges_ = piece_edges();
-    for (const Luxel& l : surfaces_.luxels) luxel_rounding_.push_back(Random(seed_at(luxel_centroid(l), kRounding))());
+    luxel_rounding_ = luxel_numbers<double>(kRounding), luxel_draw_ = luxel_numbers<std::uint64_t>(kDraw);
     make_patches();
     std::vector<Rgbd> total = solve_patches();
     const double target = options_.error_percent / 100;
@@ -529,7 +551,7 @@ Lighting Bake::run() {
             luxel_direct(patches);
         }
     };
-    beside_ = luxels_beside(surfaces_, edges_, patches_.piece_patch, luxel_patch_);
+    beside_ = known_or<std::vector<std::uint8_t>>(mix(table_.low, KeyOf::beside), [&] { return luxels_beside(surfaces_, edges(), patches_.piece_patch, luxel_patch_); });
     const std::vector<std::uint32_t> met = add_emitters(gather_patches(all, Pass::first));
     luxel_direct(met);
     until_all_is_met(met);

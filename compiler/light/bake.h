@@ -5,6 +5,7 @@
 #include "compiler/light/memo.h"
 #include "compiler/light/patches.h"
 #include "compiler/light/sight.h"
+#include "libs/core/grouped.h"
 #include "libs/core/held.h"
 #include "libs/sampling/maps.h"
 #include <atomic>
@@ -32,6 +33,11 @@ struct ReflectedLight {
     // with its own reach.
     std::vector<Vec3> place;
     std::vector<double> reach, far_from;
+    bool is_beyond(std::size_t patch, Vec3 what, double size) const {
+        const Vec3 d = what - place[patch];
+        const double r = far_from[patch] + size;
+        return dot(d, d) > r * r;
+    }
 };
 
 // A lamp changed in one room changes the last digits of the light of every other. What rays read is rounded, up or down by the place, so that means do not
@@ -143,6 +149,7 @@ struct PaneRays {
     template <class A> void fields(A& a) { a(ray, first, met); }
 };
 
+constexpr std::uint64_t kDraw = 5, kRounding = 7; // passes of seed_at
 constexpr std::uint32_t kQuarters = 4;
 // Of the rays of a row, by quarters of their sequence, those that met something.
 struct Quarters {
@@ -152,9 +159,15 @@ struct Quarters {
 };
 
 PaneRays joined(std::vector<PaneRays>& parts);
+// What slots of a loop have found, in their order.
+template <class T> std::vector<T> joined(std::vector<std::vector<T>>& slots) {
+    std::vector<T> out;
+    for (std::vector<T>& slot : slots) std::ranges::move(slot, std::back_inserter(out));
+    return out;
+}
 
 // What keys of memos are for.
-enum class KeyOf : std::uint64_t { edges = 1, patches, neighbours, tests, far, clusters, place, seams };
+enum class KeyOf : std::uint64_t { patches = 1, neighbours, beside, numbers, tests, far, clusters, place, seams, matched };
 
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 constexpr std::uint32_t kReplicates = 4;
@@ -203,7 +216,8 @@ private:
     template <class T, class Make> T known_or(std::uint64_t key, const Make& make) const {
         return kiln::known_or<T>(memo_ ? &memo_->lights : nullptr, key, make);
     }
-    PieceEdges piece_edges() const;
+    const PieceEdges& edges() const;
+    template <class T> std::vector<T> luxel_numbers(std::uint64_t pass) const;
     PatchTable patches_of(double h) const; // of that size
     TouchingPatches touching(const PatchTable& table, Hash name) const;
     bool load_rows();
@@ -215,7 +229,7 @@ private:
     void note_solution();
     void note_states();
     std::uint64_t hash_of_ref(const LightRef& ref, bool bright = true) const; // bright: with how bright it is
-    void luxel_direct_of(std::uint32_t patch, std::uint64_t pass, std::vector<std::uint8_t>* divided, std::uint64_t* rays);
+    void luxel_direct_of(std::uint32_t patch, std::uint64_t pass, std::vector<std::uint32_t>* divided, std::uint64_t* rays);
     std::uint64_t gather_key(std::uint32_t patch) const;
     std::uint64_t key_of(std::uint32_t patch, std::uint64_t hash) const { return key_at(patch, patches_.patches.size(), hash); }
     // rows.cpp
@@ -280,10 +294,14 @@ private:
     double distance_to(const LightRef& ref, Vec3 x) const;
     std::uint16_t penumbra_samples(double share) const;
     bool receives(std::uint32_t patch) const;
-    std::span<const std::uint32_t> luxels_of(std::uint32_t p) const { return std::span(patch_luxels_).subspan(patch_luxel_first_[p], patch_luxel_first_[p + 1] - patch_luxel_first_[p]); }
+    std::span<const std::uint32_t> luxels_of(std::size_t p) const { return patch_luxels_[p]; }
     // Adds emitters to the lists of patches and of their neighbours; which patches changed.
-    std::vector<std::uint32_t> add_emitters(const std::vector<std::vector<std::uint32_t>>& found);
-    std::vector<std::vector<std::uint8_t>> luxel_direct(std::span<const std::uint32_t> patches);
+    struct Found { // of a patch
+        std::uint32_t patch = 0;
+        std::vector<std::uint32_t> emitters; // or places in its list
+    };
+    std::vector<std::uint32_t> add_emitters(const std::vector<Found>& found);
+    std::vector<Found> luxel_direct(std::span<const std::uint32_t> patches);
     void luxel_direct_all();
     std::vector<std::uint32_t> share_direct(double measured, double wanted);
     std::vector<Rgbd> patch_direct();
@@ -299,8 +317,7 @@ private:
     LuxelGather gather(std::uint32_t luxel, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
                        std::uint32_t rays, std::uint64_t seed, std::vector<std::uint32_t>* met, std::span<Other> others = {}, Looked* looked = nullptr) const;
     enum class Pass { first, again, last };
-    std::vector<std::vector<std::uint32_t>> gather_patches(std::span<const std::uint32_t> patches, Pass pass);
-    double luxel_area_of(std::uint32_t patch) const; // map units squared
+    std::vector<Found> gather_patches(std::span<const std::uint32_t> patches, Pass pass);
     std::vector<double> single_noise(const std::vector<double>& variance) const;
     std::vector<double> least_cost(std::vector<double> single, double wanted) const;
     std::vector<double> ray_noise() const;
@@ -339,21 +356,16 @@ private:
     Footprint footprint_of_luxel(std::uint32_t luxel) const;
     std::uint64_t seed_at(Vec3 point, std::uint64_t pass) const;
     Vec3 luxel_centroid(const Luxel& luxel) const;
-    ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total) const;
+    ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total, const ReflectedLight* same_direct = nullptr) const;
     std::vector<std::uint32_t> own_light(std::vector<double>& stale); // returns patches to which what it changed makes a difference
     Rgbd emitted_by(std::uint32_t p) const { return patch_emitter_[p] == UINT32_MAX ? Rgbd{} : emitters_.emitters[patch_emitter_[p]].radiance; }
     bool is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const {
-        const auto beyond = [&](Vec3 place, double reach) {
-            const Vec3 d = place - light.place[patch];
-            const double r = light.far_from[patch] + reach;
-            return dot(d, d) > r * r;
-        };
-        if (is_patch(code)) return beyond(light.place[code], light.reach[code]);
+        if (is_patch(code)) return light.is_beyond(patch, light.place[code], light.reach[code]);
         if (code >= kHitPanes) return false;
         const Emitter& e = emitters_.emitters[code & ~kHitEmitter];
-        return beyond(e.center, e.radius);
+        return light.is_beyond(patch, e.center, e.radius);
     }
-    void far_light(std::span<const std::uint32_t> parent, const PatchTable& table, Hash name, double size, ReflectedLight* light) const;
+    void far_light(const Rows& rows, const PatchTable& table, const Grouped& parts, Hash name, double size, ReflectedLight* light) const;
     ReflectedLight coarse_light(const std::vector<Rgbd>& direct, const std::vector<Rgbd>& first);
     void make_larger();
     void fill();
@@ -374,10 +386,10 @@ private:
     Rgbd sky_; // radiance
     EmitterSet emitters_;
     LightSight sight_;
-    PieceEdges edges_;
+    mutable std::optional<PieceEdges> edges_; // where they have been asked for: what they make is mostly kept
     PatchTable patches_;
     TouchingPatches touching_;
-    std::vector<std::vector<std::uint32_t>> neighbours_; // per patch: those it shares an edge with, in its plane
+    Grouped neighbours_;                                 // per patch, ascending: those it shares an edge with, in its plane
     std::vector<std::uint32_t> patch_emitter_;           // per patch; UINT32_MAX: none
     std::vector<Clusters> clusters_;           // per patch: it lies in
     std::vector<std::uint8_t> covered_;        // per patch: it looks into what is solid; nothing is baked there
@@ -391,8 +403,10 @@ private:
     std::vector<std::vector<std::uint32_t>> behind_;    // per patch, ascending: large emitters that mostly lie behind something, left to gathered rays
     std::vector<std::vector<float>> brought_;  // per patch and light of its list: mean irradiance of its luxels
     std::vector<std::uint32_t> luxel_patch_;   // per luxel: the patch of most of its footprint
-    std::vector<std::uint32_t> patch_luxel_first_, patch_luxels_; // luxels by that patch
-    std::vector<double> luxel_rounding_;                          // per luxel: see rounded()
+    Grouped patch_luxels_;                                        // luxels by that patch
+    std::vector<double> luxel_area_;                              // per patch: of those, map units squared
+    std::vector<double> luxel_rounding_, patch_rounding_;         // per luxel and patch: see rounded()
+    std::vector<std::uint64_t> luxel_draw_;                       // per luxel: by which a pilot draws
     std::vector<KernelSum> direct_;                               // per luxel
     std::vector<float> direct_variance_;                          // per luxel: of its mean, as the spread between places has it
     std::vector<std::uint16_t> effort_;                           // per patch: times the samples of its lights
@@ -405,9 +419,8 @@ private:
     Held<Quarters> lone_met_;
     struct Larger { // patches of twice the size, of which the difference to these tells the error of either
         PatchTable table;
-        TouchingPatches touching;
         std::vector<std::uint32_t> of; // of each patch, in which of them it lies
-        std::vector<std::vector<std::uint32_t>> parts;
+        Grouped parts, neighbours, luxels; // of each of them
         std::vector<double> area;
         Rows rows; // from the rays of the parts
     } larger_;
@@ -418,10 +431,10 @@ private:
     std::vector<double> bright_;               // per patch: luminance of what it reflects
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
     ReflectedLight coarse_luxels_;             // with direct light as luxels of twice the size would show it
-    std::vector<KernelSum> gathered_, smoothed_;                  // per luxel: what its rays gathered; with what its neighbours tell
+    std::vector<StoredSum> gathered_, smoothed_;                  // per luxel: what its rays gathered; with what its neighbours tell
     std::vector<std::array<double, 4>> gathered_variance_;        // of what is shown, by these rays
     std::vector<std::uint8_t> gathered_there_;                    // 0: nothing is known there
-    std::vector<std::uint8_t> new_;                               // per patch: gathered since neighbours were last asked
+    std::vector<std::uint8_t> new_, stirred_;                     // per patch: gathered since neighbours were last asked; they were asked anew then
     std::vector<std::uint8_t> beside_;                            // per luxel: bits of those at x + 1, x - 1, y + 1, y - 1 that go on from it
     std::vector<float> left_;                                     // per luxel: share of the variance that neighbours leave
     std::vector<float> spike_;                                    // per luxel: share of its light that is spread over its neighbours
@@ -441,6 +454,7 @@ private:
     std::uint32_t emitter_part(std::uint32_t emitter) const { return static_cast<std::uint32_t>(kLookedAt * patches_.patches.size()) + emitter; }
     std::size_t part_count() const { return kLookedAt * patches_.patches.size() + emitters_.emitters.size(); }
     std::vector<std::uint64_t> states_, states_coarse_;
+    std::vector<std::uint8_t> untold_; // per patch: something of it has changed since its states were told
     HitCounts counts_;
     std::atomic<std::uint64_t> shadow_rays_{0};
     Lighting out_;

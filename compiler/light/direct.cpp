@@ -2,6 +2,7 @@
 #include "compiler/light/bake.h"
 #include "libs/parallel/parallel.h"
 #include <bit>
+#include <map>
 #include <numbers>
 #include <numeric>
 
@@ -177,7 +178,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             // Entities, strongest first.
             std::vector<std::pair<double, std::uint32_t>> strong;
             double left = 0;
-            sight_.each_light(clusters_[p], [&](std::uint32_t i) {
+            sight_.each_light(clusters_[p], patch.centroid, radius, [&](std::uint32_t i) {
                 const double bright = light_bound(lights_[i], patch.centroid, radius);
                 if (bright > 0) strong.emplace_back(bright, i), left += bright;
             });
@@ -195,7 +196,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
             const Sobol points(seed_at(patch.centroid, 2));
             // Test rays: two for each luxel where much is at stake, so that no thin shadow falls between. For an entity where little is, no closer
             // together on a patch of few luxels than on others.
-            const std::uint32_t luxels = patch_luxel_first_[p + 1] - patch_luxel_first_[p];
+            const auto luxels = static_cast<std::uint32_t>(luxels_of(p).size());
             const auto thorough = [&](std::uint32_t least) { return std::clamp(2 * luxels, least, 4 * quality_.visibility_rays); };
             const std::uint32_t few = luxels ? std::clamp(std::bit_ceil(2 * luxels), 4u, quality_.visibility_rays) : quality_.visibility_rays;
             if (kept.of == now.of) {
@@ -313,28 +314,26 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     }
 }
 
-std::vector<std::uint32_t> Bake::add_emitters(const std::vector<std::vector<std::uint32_t>>& found) {
-    std::vector<std::vector<LightRef>> more(lists_.size());
+std::vector<std::uint32_t> Bake::add_emitters(const std::vector<Found>& found) {
+    std::map<std::uint32_t, std::vector<LightRef>> more;
     const auto add = [&](std::uint32_t p, std::uint32_t i) {
         if (!receives(p) || listed(p, i)) return;
-        if (std::ranges::find(more[p], i, &LightRef::light) != more[p].end()) return;
+        std::vector<LightRef>& list = more[p];
+        if (std::ranges::find(list, i, &LightRef::light) != list.end()) return;
         const double share = kPi * mean(emitters_.emitters[i].radiance) * form_factor_bound(p, i) / 4 /
                              std::max(estimate_[p], floor_);
-        more[p].push_back({i, true, true, false, penumbra_samples(share)});
+        list.push_back({i, true, true, false, penumbra_samples(share)});
     };
-    for (std::uint32_t p = 0; p < found.size(); ++p)
-        for (const std::uint32_t i : found[p]) add(p, i);
-    for (const auto& [p, q] : touching_) {
-        for (const std::uint32_t i : found[q])
-            if (sight_.emitter_may(i, clusters_[p]) && form_factor_bound(p, i) >= threshold(p, i)) add(p, i);
-        for (const std::uint32_t i : found[p])
-            if (sight_.emitter_may(i, clusters_[q]) && form_factor_bound(q, i) >= threshold(q, i)) add(q, i);
-    }
+    for (const auto& [p, emitters] : found)
+        for (const std::uint32_t i : emitters) {
+            add(p, i);
+            for (const std::uint32_t q : neighbours_[p])
+                if (sight_.emitter_may(i, clusters_[q]) && form_factor_bound(q, i) >= threshold(q, i)) add(q, i);
+        }
     std::vector<std::uint32_t> changed;
-    for (std::uint32_t p = 0; p < more.size(); ++p) {
-        if (more[p].empty()) continue;
+    for (const auto& [p, list] : more) {
         changed.push_back(p);
-        lists_[p].insert(lists_[p].end(), more[p].begin(), more[p].end());
+        lists_[p].insert(lists_[p].end(), list.begin(), list.end());
         std::ranges::sort(lists_[p], [](const LightRef& x, const LightRef& y) {
             return std::pair(!x.is_emitter, x.light) < std::pair(!y.is_emitter, y.light);
         });
@@ -554,10 +553,11 @@ KernelSum Bake::direct_at(std::uint32_t patch, std::uint32_t luxel, const Footpr
 }
 
 // A light's part in a luxel depends on no other light: the memo has them one by one.
-void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std::uint8_t>* divided, std::uint64_t* rays) {
+void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std::uint32_t>* divided, std::uint64_t* rays) {
     const std::span<const std::uint32_t> luxels = luxels_of(p);
     const std::vector<LightRef>& list = lists_[p];
-    std::vector<double> variances(luxels.size());
+    thread_local std::vector<double> variances;
+    variances.assign(luxels.size(), 0);
     for (const std::uint32_t l : luxels) direct_[l] = {};
     brought_[p].assign(list.size(), 0);
     const std::uint64_t key = memo_ ? key_of(p, mix(base_, table_.low, p, effort_[p], pass)) : 0;
@@ -573,7 +573,8 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
             variances[i] += static_cast<double>(part[i].variance) * square(mean(bright)), brought += mean(sum.flat);
         }
         if (!luxels.empty()) brought_[p][r] = static_cast<float>(brought / static_cast<double>(luxels.size()));
-        (*divided)[r] = is_divided, *rays += traced;
+        if (is_divided) divided->push_back(static_cast<std::uint32_t>(r));
+        *rays += traced;
     };
     const auto tell_variances = [&] {
         for (std::size_t i = 0; i < luxels.size(); ++i) direct_variance_[luxels[i]] = static_cast<float>(variances[i]);
@@ -619,24 +620,26 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
     if (memo_ && n) memo_->direct.keep(key, {}, {}, to_bytes(now));
 }
 
-// Which lights were found to be in full view of some luxels of a patch only, though its test rays had agreed: per patch and place in its list.
-std::vector<std::vector<std::uint8_t>> Bake::luxel_direct(std::span<const std::uint32_t> patches) {
+// Which lights were found to be in full view of some luxels of a patch only, though its test rays had agreed: places in its list.
+std::vector<Bake::Found> Bake::luxel_direct(std::span<const std::uint32_t> patches) {
     direct_.resize(surfaces_.luxels.size());
     direct_variance_.resize(surfaces_.luxels.size());
-    brought_.resize(patches_.patches.size());
-    std::vector<std::vector<std::uint8_t>> divided(patches_.patches.size());
+    brought_.resize(patches_.patches.size()), untold_.resize(patches_.patches.size());
     // Other points each time: that a place was found noisy must not be part of its value.
     const std::uint64_t pass = 1024 + direct_passes_++;
     constexpr std::size_t kChunk = 16;
+    std::vector<std::vector<Found>> divided(slots_of(patches.size(), kChunk));
     parallel_chunks(context_, "light: direct", patches.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         std::uint64_t rays = 0;
         for (const std::uint32_t p : patches.subspan(begin, end - begin)) {
-            divided[p].resize(lists_[p].size());
-            luxel_direct_of(p, pass, &divided[p], &rays);
+            Found of{p, {}};
+            luxel_direct_of(p, pass, &of.emitters, &rays);
+            untold_[p] = 1;
+            if (!of.emitters.empty()) divided[begin / kChunk].push_back(std::move(of));
         }
         shadow_rays_ += rays;
     });
-    return divided;
+    return joined(divided);
 }
 
 // Where one luxel of a patch finds that its test rays were wrong about a light, others may have missed what it found: the patch and those
@@ -646,11 +649,9 @@ void Bake::luxel_direct_all() {
     std::iota(patches.begin(), patches.end(), 0u);
     constexpr int kRounds = 3;
     for (int round = 0; round < kRounds && !patches.empty(); ++round) {
-        const std::vector<std::vector<std::uint8_t>> divided = luxel_direct(patches);
         std::vector<std::uint8_t> again(patches_.patches.size());
-        for (std::uint32_t p = 0; p < divided.size(); ++p)
-            for (std::size_t r = 0; r < divided[p].size(); ++r) {
-                if (!divided[p][r]) continue;
+        for (const auto& [p, places] : luxel_direct(patches))
+            for (const std::uint32_t r : places) {
                 const LightRef found = lists_[p][r];
                 const auto mark = [&](std::uint32_t q) {
                     for (LightRef& ref : lists_[q])
@@ -674,9 +675,8 @@ std::vector<std::uint32_t> Bake::share_direct(double measured, double wanted) {
     std::vector<double> variance(n);
     double all = 0, seen = 0;
     for (std::uint32_t p = 0; p < n; ++p) {
-        const double area = luxel_area_of(p);
-        for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-            const std::uint32_t l = patch_luxels_[k];
+        const double area = luxel_area_[p];
+        for (const std::uint32_t l : luxels_of(p)) {
             const Luxel& luxel = surfaces_.luxels[l];
             const double scale = std::max(mean(direct_[l].flat) + mean(rest_[p]), floor_);
             if (scale > 0) variance[p] += luxel.area * luxel_area(surfaces_, luxel.face) * direct_variance_[l] / (scale * scale);
@@ -701,8 +701,7 @@ std::vector<Rgbd> Bake::patch_direct() {
     std::vector<Rgbd> out(patches_.patches.size());
     for (std::uint32_t p = 0; p < out.size(); ++p) {
         double area = 0;
-        for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-            const std::uint32_t l = patch_luxels_[k];
+        for (const std::uint32_t l : luxels_of(p)) {
             const Luxel& luxel = surfaces_.luxels[l];
             double a = std::max(1e-6, static_cast<double>(luxel.area));
             if (surfaces_.charts[luxel.chart.at()].curved()) a *= luxel_area(surfaces_, luxel.face); // not all alike

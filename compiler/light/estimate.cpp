@@ -6,6 +6,7 @@
 #include "compiler/light/bake.h"
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
+#include <mutex>
 #include <numbers>
 #include <numeric>
 
@@ -135,34 +136,36 @@ bool Bake::of_luxels(const Luxel& luxel) const {
 // The coarse solution with direct light, too, as luxels of twice the size would show it: what smaller luxels would still change. Those of one patch are put together.
 ReflectedLight Bake::coarse_luxels() const {
     ReflectedLight out = coarse_;
-    std::vector<std::pair<std::array<std::uint32_t, 2>, std::uint32_t>> blocks; // of a coarse patch: column and row; luxel
-    for (const std::vector<std::uint32_t>& parts : larger_.parts) {
-        blocks.clear();
-        for (const std::uint32_t p : parts)
-            for (const std::uint32_t l : luxels_of(p)) {
-                const Luxel& luxel = surfaces_.luxels[l];
-                const std::uint32_t side = of_luxels(luxel) ? 1u << 16 : 2; // the coarse patch itself is no larger than two luxels
-                blocks.push_back({{luxel.x / side, luxel.y / side}, l});
-            }
-        std::ranges::sort(blocks);
-        for (std::size_t i = 0, end = 0; i < blocks.size(); i = end) {
-            while (end < blocks.size() && blocks[end].first == blocks[i].first) ++end;
-            Rgbd sum;
-            double area = 0;
-            const auto texel = [&](std::size_t k) { return texel_of(surfaces_, surfaces_.luxels[blocks[k].second]); };
-            for (std::size_t k = i; k < end; ++k) {
-                const Luxel& luxel = surfaces_.luxels[blocks[k].second];
-                const double a = luxel.area * luxel_area(surfaces_, luxel.face);
-                sum += static_cast<Rgbd>(out.direct[texel(k)]) * a, area += a;
-            }
-            if (!(area > 0)) continue;
-            for (std::size_t k = i; k < end; ++k) {
-                const std::size_t t = texel(k);
-                out.texel[t] = static_cast<Rgb>(static_cast<Rgbd>(out.texel[t]) - static_cast<Rgbd>(out.direct[t]) + sum / area);
-                out.direct[t] = static_cast<Rgb>(sum / area);
+    parallel_chunks(context_, larger_.parts.size(), 256, [&](std::size_t first, std::size_t last) {
+        std::vector<std::pair<std::array<std::uint32_t, 2>, std::uint32_t>> blocks; // of a coarse patch: column and row; luxel
+        for (std::size_t c = first; c < last; ++c) {
+            blocks.clear();
+            for (const std::uint32_t p : larger_.parts[c])
+                for (const std::uint32_t l : luxels_of(p)) {
+                    const Luxel& luxel = surfaces_.luxels[l];
+                    const std::uint32_t side = of_luxels(luxel) ? 1u << 16 : 2; // the coarse patch itself is no larger than two luxels
+                    blocks.push_back({{luxel.x / side, luxel.y / side}, l});
+                }
+            std::ranges::sort(blocks);
+            for (std::size_t i = 0, end = 0; i < blocks.size(); i = end) {
+                while (end < blocks.size() && blocks[end].first == blocks[i].first) ++end;
+                Rgbd sum;
+                double area = 0;
+                const auto texel = [&](std::size_t k) { return texel_of(surfaces_, surfaces_.luxels[blocks[k].second]); };
+                for (std::size_t k = i; k < end; ++k) {
+                    const Luxel& luxel = surfaces_.luxels[blocks[k].second];
+                    const double a = luxel.area * luxel_area(surfaces_, luxel.face);
+                    sum += static_cast<Rgbd>(out.direct[texel(k)]) * a, area += a;
+                }
+                if (!(area > 0)) continue;
+                for (std::size_t k = i; k < end; ++k) {
+                    const std::size_t t = texel(k);
+                    out.texel[t] = static_cast<Rgb>(static_cast<Rgbd>(out.texel[t]) - static_cast<Rgbd>(out.direct[t]) + sum / area);
+                    out.direct[t] = static_cast<Rgb>(sum / area);
+                }
             }
         }
-    }
+    });
     return out;
 }
 
@@ -174,14 +177,18 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
     for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l) {
         if (luxel_patch_[l] == kNoPatch || covered_[luxel_patch_[l]]) continue;
         ++all;
-        if (seed_at(luxel_centroid(surfaces_.luxels[l]), 5) % one_in == 0) chosen.push_back(l);
+        if (luxel_draw_[l] % one_in == 0) chosen.push_back(l);
     }
     // Light of walls close by as if it changed much everywhere: asked for at the very place.
-    ReflectedLight close;
-    if (!rough) {
-        close = reflected_;
-        std::ranges::fill(close.steep, std::uint8_t{1});
-    }
+    std::optional<ReflectedLight> close; // where it is asked for
+    std::once_flag once;
+    const auto closely = [&]() -> const ReflectedLight& {
+        std::call_once(once, [&] {
+            close = reflected_;
+            if (!rough) std::ranges::fill(close->steep, std::uint8_t{1});
+        });
+        return *close;
+    };
     if (memo_) note_states();
     std::vector<PilotLuxel> results(chosen.size());
     constexpr std::size_t kChunk = 8;
@@ -196,7 +203,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
                 read_whole(*kept, gathered);
             } else {
                 looked.begin(part_count());
-                gathered = pilot_gather(l, rough ? coarse_ : coarse_luxels_, close, rough, encoding, memo_ ? &looked : nullptr);
+                gathered = pilot_gather(l, rough ? coarse_ : coarse_luxels_, closely(), rough, encoding, memo_ ? &looked : nullptr);
                 if (memo_) memo_->pilot.keep(key, states_coarse_, looked.parts(), to_bytes(gathered));
             }
             results[i] = pilot_luxel(l, gathered, rough);
@@ -356,7 +363,7 @@ double Bake::solution_noise() const {
     Rgbd level;
     double area = 0;
     for (std::uint32_t p = 0; p < n; ++p) {
-        const double a = luxel_area_of(p);
+        const double a = luxel_area_[p];
         level += (rest_[p] + solved_direct_[p]) * a, area += a;
     }
     if (!(area > 0)) return 0;
@@ -366,7 +373,7 @@ double Bake::solution_noise() const {
     std::vector<double> noise(chunks), asked(chunks);
     each_patch([&](std::uint32_t p, std::size_t chunk) {
         if (p % one_in) return;
-        const double a = luxel_area_of(p);
+        const double a = luxel_area_[p];
         if (!(a > 0)) return;
         asked[chunk] += a;
         if (covered_[p]) return;

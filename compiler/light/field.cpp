@@ -163,7 +163,7 @@ const TraceScene& LightField::scene() const {
     return data_->scene;
 }
 void LightField::each_light(Vec3 point, const std::function<void(std::uint32_t)>& visit) const {
-    data_->sight.each_light(data_->sight.at(point), visit);
+    data_->sight.each_light(data_->sight.at(point), point, 0, visit);
 }
 const LightField::Data& LightField::data() const {
     return *data_;
@@ -182,7 +182,7 @@ void LightField::arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint
 void LightField::arriving_direct(Vec3 point, Vec3 normal, std::uint64_t seed, const Arrival& arrival) const {
     const Data& d = *data_;
     const Vec3 x = d.origin_at(point, normal);
-    d.sight.each_light(d.sight.at(x), [&](std::uint32_t i) {
+    d.sight.each_light(d.sight.at(x), x, 0, [&](std::uint32_t i) {
         const Light& light = d.lights[i];
         const bool disc = light.kind == LightKind::sun && light.angular_radius_rad > 0;
         const std::uint32_t samples = disc ? 64 : 1;
@@ -378,8 +378,20 @@ Rgbd LightField::Data::lit(const SceneHit& hit) const {
 }
 
 Rgb LightField::radiance(Vec3 origin, Vec3 unit_direction, SceneHit* out, double width) const {
+    const std::optional<SceneHit> hit = data_->scene.closest(origin, unit_direction);
+    if (hit && out) *out = *hit;
+    return leaving(origin, unit_direction, hit, width);
+}
+
+void LightField::radiance(Vec3 origin, std::span<const Vec3> unit_directions, std::span<Rgb> out, double width) const {
+    const std::vector<Vec3> origins(unit_directions.size(), origin);
+    std::vector<std::optional<SceneHit>> hits(unit_directions.size());
+    data_->scene.closest(origins, unit_directions, hits);
+    for (std::size_t i = 0; i < hits.size(); ++i) out[i] = leaving(origin, unit_directions[i], hits[i], width);
+}
+
+Rgb LightField::leaving(Vec3 origin, Vec3 unit_direction, const std::optional<SceneHit>& hit, double width) const {
     const Data& d = *data_;
-    const std::optional<SceneHit> hit = d.scene.closest(origin, unit_direction);
     Rgbd sum, through{1, 1, 1};
     if (d.scene.has_panes()) {
         std::vector<PaneHit> panes;
@@ -392,7 +404,6 @@ Rgb LightField::radiance(Vec3 origin, Vec3 unit_direction, SceneHit* out, double
         }
     }
     if (!hit) return static_cast<Rgb>(sum + through * d.sky);
-    if (out) *out = *hit;
     if (hit->back) return static_cast<Rgb>(sum);
     return static_cast<Rgb>(sum + through * d.shown(*hit, unit_direction));
 }

@@ -154,11 +154,13 @@ public:
     // Radiance leaving what a ray sees: emission + reflectance/pi * lightmap irradiance, or the sky. For probes.
     // What stands behind panes is seen through them. `width`: of the cone that the ray stands for, a unit of way.
     Rgb radiance(Vec3 origin, Vec3 unit_direction, SceneHit* hit = nullptr, double width = 0) const;
+    void radiance(Vec3 origin, std::span<const Vec3> unit_directions, std::span<Rgb> out, double width) const; // of many, faster where they lie close to each other
 
     struct Data;
     const Data& data() const; // for the path tracer of this folder
 
 private:
+    Rgb leaving(Vec3 origin, Vec3 unit_direction, const std::optional<SceneHit>& hit, double width) const;
     std::unique_ptr<Data> data_;
 };
 

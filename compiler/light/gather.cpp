@@ -327,7 +327,7 @@ std::vector<double> Bake::least_cost(std::vector<double> single, double wanted) 
     const double power = 2 / (1 + 2 * kNoiseRate);
     double area = 0, sum = 0;
     for (std::uint32_t p = 0; p < single.size(); ++p) {
-        const double a = luxel_area_of(p);
+        const double a = luxel_area_[p];
         area += a, sum += a * std::pow(single[p], 2 - 2 * kNoiseRate * power);
     }
     if (!(area > 0) || !(sum > 0)) return {};
@@ -337,22 +337,14 @@ std::vector<double> Bake::least_cost(std::vector<double> single, double wanted) 
     return single;
 }
 
-double Bake::luxel_area_of(std::uint32_t p) const {
-    double area = 0;
-    for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-        const Luxel& l = surfaces_.luxels[patch_luxels_[k]];
-        area += l.area * luxel_area(surfaces_, l.face);
-    }
-    return area;
-}
-
 // What neighbours leave of a single ray's noise, per patch.
 std::vector<double> Bake::ray_noise() const {
     std::vector<double> left = noise_;
     for (std::size_t p = 0; p < left.size(); ++p) {
         double sum = 0;
-        for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) sum += static_cast<double>(left_[patch_luxels_[k]]);
-        if (sum > 0) left[p] *= sum / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+        const std::span<const std::uint32_t> luxels = luxels_of(p);
+        for (const std::uint32_t l : luxels) sum += static_cast<double>(left_[l]);
+        if (sum > 0) left[p] *= sum / static_cast<double>(luxels.size());
     }
     return single_noise(left);
 }
@@ -362,7 +354,7 @@ double Bake::expected_noise() const {
     const std::vector<double> single = ray_noise();
     double area = 0, sum = 0;
     for (std::uint32_t p = 0; p < single.size(); ++p) {
-        const double a = luxel_area_of(p), noise = single[p] * std::pow(rays_[p], -kNoiseRate);
+        const double a = luxel_area_[p], noise = single[p] * std::pow(rays_[p], -kNoiseRate);
         area += a, sum += a * noise * noise;
     }
     return area > 0 ? std::sqrt(sum / area) : 0;
@@ -378,17 +370,18 @@ void Bake::share_rays(double wanted) {
 // All luxels of the patches. Emitters met by surprise are returned, per patch, and left out of the result, which
 // then is to be done again for those patches; not in the last pass. Passes with more rays use others than those
 // before: what decided that a place is noisy must not be part of its value.
-std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std::uint32_t> patches, Pass pass) {
+std::vector<Bake::Found> Bake::gather_patches(std::span<const std::uint32_t> patches, Pass pass) {
     constexpr std::size_t kChunk = 16; // patches: their luxels share a guide
     std::vector<HitCounts> counts(slots_of(patches.size(), kChunk));
-    std::vector<std::vector<std::uint32_t>> found(patches_.patches.size());
+    std::vector<std::vector<Found>> found(slots_of(patches.size(), kChunk));
     if (memo_) note_states();
     for (const std::uint32_t p : patches) new_[p] = 1;
     parallel_chunks(context_, "light: gather", patches.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         thread_local Looked looked;
         thread_local PatchGather gathered;
         for (const std::uint32_t p : patches.subspan(begin, end - begin)) {
-            if (covered_[p] || patch_luxel_first_[p] == patch_luxel_first_[p + 1]) continue;
+            const std::span<const std::uint32_t> luxels = luxels_of(p);
+            if (covered_[p] || luxels.empty()) continue;
             const std::uint64_t stream = pass == Pass::first ? 4 : 16 + rays_[p] + (own_round_ << 32);
             const std::uint64_t key = memo_ ? key_of(p, mix(gather_key(p), stream, static_cast<std::uint64_t>(pass == Pass::last))) : 0;
             gathered.luxels.clear(), gathered.met.clear();
@@ -398,8 +391,7 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                 Guide guide;
                 patch_guide(p, &guide);
                 looked.begin(part_count());
-                for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-                    const std::uint32_t l = patch_luxels_[k];
+                for (const std::uint32_t l : luxels) {
                     const Luxel& luxel = surfaces_.luxels[l];
                     gathered.luxels.emplace_back(gather(l, kernel_of(l), guide, map_of(luxel.chart), rays_[p], seed_at(luxel_centroid(luxel), stream),
                                                      pass == Pass::last ? nullptr : &gathered.met, {}, memo_ ? &looked : nullptr));
@@ -411,17 +403,17 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
             }
             double variance = 0;
             if (memo_) gathered_hash_[p] = hash_bytes(raw_bytes(gathered.luxels)).low;
-            for (std::uint32_t k = patch_luxel_first_[p]; k < patch_luxel_first_[p + 1]; ++k) {
-                const std::uint32_t l = patch_luxels_[k];
-                const StoredGather& g = gathered.luxels[k - patch_luxel_first_[p]];
+            for (std::size_t k = 0; k < luxels.size(); ++k) {
+                const std::uint32_t l = luxels[k];
+                const StoredGather& g = gathered.luxels[k];
                 // Inside something that the exact geometry does not know to be solid (a brush model in a wall):
                 // filled from the neighbours.
                 gathered_there_[l] = g.rays > 0 && 2 * (g.back + (sealed_ ? g.escaped : 0)) <= g.rays;
                 if (!gathered_there_[l]) continue;
                 counts[begin / kChunk] += HitCounts{g.rays, g.escaped, g.back};
-                gathered_[l] = g.sum.sum();
+                gathered_[l] = g.sum;
                 KernelSum sum = direct_[l];
-                sum += gathered_[l];
+                sum += g.sum.sum();
                 // The worst of the normals that the light is shown along.
                 const LuxelKernel kernel = kernel_of(l);
                 const std::array<Rgbd, 4> shown = kernel.shown(sum);
@@ -431,16 +423,16 @@ std::vector<std::vector<std::uint32_t>> Bake::gather_patches(std::span<const std
                     if (scale > 0) relative = std::max(relative, static_cast<double>(g.variance[j]) / (scale * scale));
                     gathered_variance_[l][j] = static_cast<double>(g.variance[j]) / (kQuarterSpread * kQuarterSpread);
                 }
-                variance += relative / (patch_luxel_first_[p + 1] - patch_luxel_first_[p]);
+                variance += relative / static_cast<double>(luxels.size());
             }
             variance *= std::pow(rays_[p], 2 * kNoiseRate) / (kQuarterSpread * kQuarterSpread);
             noise_[p] = (noise_[p] * noise_weight_[p] + variance * rays_[p]) / (noise_weight_[p] + rays_[p]);
             noise_weight_[p] += rays_[p];
-            if (!gathered.met.empty()) found[p] = gathered.met;
+            if (!gathered.met.empty()) found[begin / kChunk].push_back({p, gathered.met});
         }
     });
     for (const HitCounts& c : counts) counts_ += c;
-    return found;
+    return joined(found);
 }
 
 } // namespace kiln

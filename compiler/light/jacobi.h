@@ -6,33 +6,14 @@
 //          spectrum ended at the mean reflectance, not at the largest: what little lies beyond fades hardly slower than by plain sweeps, all else much faster
 #pragma once
 #include "libs/core/context.h"
-#include "libs/math/vec.h"
+#include "libs/math/quick.h"
 #include "libs/parallel/parallel.h"
 #include <limits>
 #include <vector>
 
 namespace kiln {
 
-// A colour as rows may add it up: most of the time here is waiting for memory, and in floats there is less of it to read. They are exact to 1e-6 of the light.
-struct QuickLight {
-    float __attribute__((vector_size(16))) of{};
-    QuickLight() = default;
-    explicit QuickLight(Rgbd c) : of{static_cast<float>(c.x), static_cast<float>(c.y), static_cast<float>(c.z), 0} {}
-    explicit operator Rgbd() const { return {of[0], of[1], of[2]}; }
-    QuickLight& operator+=(const QuickLight& o) {
-        of += o.of;
-        return *this;
-    }
-    friend QuickLight operator*(QuickLight a, double by) {
-        a.of *= static_cast<float>(by);
-        return a;
-    }
-    friend QuickLight operator*(QuickLight a, Rgbd by) {
-        a.of *= QuickLight(by).of;
-        return a;
-    }
-};
-constexpr double kQuickShare = 1e-6; // bound on the error, times 1 - the largest reflectance, from which on they will do: that much bounces may make of their rounding
+constexpr double kQuickShare = 1e-6; // bound on the error, times 1 - the largest reflectance, from which on rows may be added up as QuickLight: that much bounces may make of their rounding
 
 struct Bounces {
     std::vector<Rgbd> irradiance;

@@ -58,11 +58,11 @@ bool seen_of(std::span<const std::uint8_t> parts, const std::vector<std::uint64_
 
 } // namespace
 
-const Memo::Entry* Memo::Table::entry(std::uint64_t key) const {
+std::size_t Memo::Table::entry(std::uint64_t key) const {
     KILN_CHECK_OP(from.size(), >, 1u);
     const std::size_t range = from.size() > 2 ? key >> (65 - std::bit_width(from.size() - 1)) : 0;
     const auto end = entries.begin() + from[range + 1], at = std::lower_bound(entries.begin() + from[range], end, key, [](const Entry& e, std::uint64_t k) { return e.key < k; });
-    return at != end && at->key == key ? &*at : nullptr;
+    return at != end && at->key == key ? static_cast<std::size_t>(at - entries.begin()) : entries.size();
 }
 
 void Memo::Table::begin() {
@@ -80,12 +80,10 @@ void Memo::Table::begin() {
     for (std::size_t r = ranges; r-- > 0;) from[r] = std::min(from[r], from[r + 1]);
 }
 
-void Memo::Table::put(std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value) {
-    KILN_CHECK(!file_);
-    Entry e{key, seen, own_.size(), 0, 0};
-    own_.insert(own_.end(), parts.begin(), parts.end()), e.value = own_.size();
-    own_.insert(own_.end(), value.begin(), value.end()), e.end = own_.size();
-    entries.push_back(e);
+Memo::Table Memo::Table::of(std::vector<Entry> entries, Bytes bytes) {
+    Table out;
+    out.entries = std::move(entries), out.own_ = std::move(bytes), out.changed = true;
+    return out;
 }
 
 Memo::Table Memo::Table::of(Buffer file) {
@@ -93,7 +91,8 @@ Memo::Table Memo::Table::of(Buffer file) {
     out.file_ = std::make_shared<const Buffer>(std::move(file));
     ByteReader r(out.file_->bytes());
     std::uint64_t size = 0;
-    r(out.entries, size); // bytes: their number, then they themselves
+    out.entries = {r.view<Entry>(), out.file_};
+    r(size); // bytes: their number, then they themselves
     if (size != r.left()) throw ArchiveError("archive length differs from what is left");
     out.from_ = out.file_->bytes().size() - size;
     return out;
@@ -116,10 +115,12 @@ std::optional<std::span<const std::uint8_t>> Memo::find(std::uint64_t key, const
         }
     }
     for (Table& t : tables_) {
-        const Entry* e = t.entry(key);
-        if (!e || !seen_of(t.part(e->parts, e->value), states, &seen) || seen != e->seen) continue;
-        std::atomic_ref(t.found[static_cast<std::size_t>(e - t.entries.data())]).store(1, std::memory_order_relaxed);
-        return t.part(e->value, e->end);
+        const std::size_t at = t.entry(key);
+        if (at == t.entries.size()) continue;
+        const Entry& e = t.entries[at];
+        if (!seen_of(t.part(e.parts, e.value), states, &seen) || seen != e.seen) continue;
+        std::atomic_ref(t.found[at]).store(1, std::memory_order_relaxed);
+        return t.part(e.value, e.end);
     }
     return std::nullopt;
 }
@@ -140,11 +141,13 @@ void Memo::renew(std::uint64_t key, const std::vector<std::uint64_t>& states, co
         return;
     }
     for (Table& t : tables_) {
-        const Entry* e = t.entry(key);
+        const std::size_t at = t.entry(key);
+        if (at == t.entries.size()) continue;
+        const Entry& e = t.entries[at];
         std::uint64_t seen = 0;
-        if (!e || !seen_of(t.part(e->parts, e->value), states, &seen) || seen != e->seen) continue;
-        const auto parts = t.part(e->parts, e->value);
-        s.kept.insert_or_assign(key, Fresh{e->seen, Bytes(parts.begin(), parts.end()), value}), kept_.at(key) = 1;
+        const auto parts = t.part(e.parts, e.value);
+        if (!seen_of(parts, states, &seen) || seen != e.seen) continue;
+        s.kept.insert_or_assign(key, Fresh{e.seen, Bytes(parts.begin(), parts.end()), value}), kept_.at(key) = 1;
         return;
     }
 }
@@ -162,7 +165,7 @@ void Memo::end() {
     kept_count_ = kept.size(), found_count_ = 0;
     for (Table& t : tables_) {
         for (const Of& k : kept) // stands for what was found of it before
-            if (const Entry* e = t.entry(k.key)) t.found[static_cast<std::size_t>(e - t.entries.data())] = 0;
+            if (const std::size_t at = t.entry(k.key); at < t.entries.size()) t.found[at] = 0;
         found_count_ += static_cast<std::size_t>(std::ranges::count(t.found, 1));
     }
     if (!kept.empty()) {
@@ -185,10 +188,15 @@ void Memo::end() {
             return bytes;
         };
         const auto table_of = [&](const std::vector<Of>& of) {
-            Table out;
-            out.reserve(of.size(), bytes_of(of)), out.changed = true;
-            for (const Of& o : of) out.put(o.key, o.seen, o.parts, o.value);
-            return out;
+            std::vector<Entry> entries;
+            Bytes bytes;
+            entries.reserve(of.size()), bytes.reserve(bytes_of(of));
+            for (const Of& o : of) {
+                Entry& e = entries.emplace_back(o.key, o.seen, bytes.size());
+                bytes.insert(bytes.end(), o.parts.begin(), o.parts.end()), e.value = bytes.size();
+                bytes.insert(bytes.end(), o.value.begin(), o.value.end()), e.end = bytes.size();
+            }
+            return Table::of(std::move(entries), std::move(bytes));
         };
         auto& [recent, all] = tables_;
         const std::vector<Of> more = joined(std::span(&recent, 1), false);

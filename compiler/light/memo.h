@@ -3,6 +3,7 @@
 #pragma once
 #include "libs/core/file.h"
 #include "libs/core/hash.h"
+#include "libs/core/held.h"
 #include "libs/math/vec.h"
 #include <array>
 #include <atomic>
@@ -82,23 +83,23 @@ public:
         std::uint64_t key = 0, seen = 0, parts = 0, value = 0, end = 0; // the last three: places in the bytes
     };
     struct Table {
-        std::vector<Entry> entries; // by key
+        Held<Entry> entries; // by key
         std::vector<std::uint32_t> from; // the first entry of each of equal ranges of keys, which are a power of two, and one more: in this run
         std::vector<std::uint8_t> found; // per entry, in this run
         bool changed = false;            // by the last run
         void begin();
-        const Entry* entry(std::uint64_t key) const;
+        std::size_t entry(std::uint64_t key) const; // its number; as many as there are: none
         std::span<const std::uint8_t> bytes() const { return file_ ? file_->bytes().subspan(from_) : std::span<const std::uint8_t>(own_); }
         std::span<const std::uint8_t> part(std::uint64_t from, std::uint64_t to) const { return bytes().subspan(from, to - from); }
-        void reserve(std::size_t entries_to_come, std::size_t bytes_to_come) { entries.reserve(entries_to_come), own_.reserve(bytes_to_come); }
-        void put(std::uint64_t key, std::uint64_t seen, std::span<const std::uint8_t> parts, std::span<const std::uint8_t> value); // keys ascend
-        void clear() { entries.clear(), own_.clear(), file_.reset(); }
+        void clear() { entries = {}, own_.clear(), file_.reset(); }
+        static Table of(std::vector<Entry> entries, Bytes bytes); // as this run has made it
         static Table of(Buffer file); // as it is written, without a copy; throws ArchiveError
         template <class A> void fields(A& a) {
             if constexpr (std::is_same_v<A, ByteWriter>) {
                 a(entries, std::uint64_t{bytes().size()}), a.raw(bytes().data(), bytes().size());
             } else {
-                file_.reset(), a(entries, own_);
+                std::vector<Entry> own;
+                file_.reset(), a(own, own_), entries = std::move(own);
             }
         }
 

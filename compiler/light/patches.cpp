@@ -2,6 +2,7 @@
 #include "libs/core/check.h"
 #include "libs/sampling/maps.h"
 #include "libs/core/union_find.h"
+#include "libs/parallel/parallel.h"
 #include <map>
 #include <numbers>
 #include <unordered_map>
@@ -311,9 +312,16 @@ TouchingPatches touching_patches(const PieceEdges& edges, const PatchTable& tabl
     return pairs;
 }
 
-std::vector<Rgbd> values_at_luxels(const Surfaces& s, const TouchingPatches& touching, const PatchTable& table, std::span<const std::uint32_t> luxel_patch, const std::vector<Rgbd>& values) {
+Grouped neighbours_of(const TouchingPatches& touching, std::size_t patches) {
+    return Grouped(patches, [&](const auto& add) { // ascending, as the pairs are
+        for (const auto& [p, q] : touching) add(p, q), add(q, p);
+    });
+}
+
+std::vector<Rgbd> values_at_luxels(const Surfaces& s, const Grouped& neighbours, const Grouped& luxels, const std::vector<Rgbd>& values, Context& context) {
     constexpr double kRidge = 1e-3; // along which no neighbour lies, nothing is known
-    const std::size_t n = table.patches.size(), luxels = s.luxels.size();
+    constexpr std::size_t kChunk = 256;
+    const std::size_t n = luxels.size();
     const auto place = [&](std::size_t l) { // chart coordinates, map units
         const Luxel& luxel = s.luxels[l];
         const Vec2 c = centroid_of(s, luxel);
@@ -321,57 +329,50 @@ std::vector<Rgbd> values_at_luxels(const Surfaces& s, const TouchingPatches& tou
     };
     std::vector<Vec2> center(n);
     std::vector<double> area(n);
-    for (std::size_t l = 0; l < luxels; ++l) {
-        const std::uint32_t p = luxel_patch[l];
-        if (p == kNoPatch) continue;
-        const double a = s.luxels[l].area;
-        center[p] = center[p] + place(l) * a, area[p] += a;
-    }
-    for (std::size_t p = 0; p < n; ++p)
-        if (area[p] > 0) center[p] = center[p] * (1 / area[p]);
-    struct Fit {
-        double xx = 0, xy = 0, yy = 0;
-        Rgbd x, y, most; // most: by which a neighbour differs
-    };
-    std::vector<Fit> fits(n);
-    for (const auto& [p, q] : touching) {
-        if (!(area[p] > 0 && area[q] > 0)) continue;
-        const Vec2 d = center[q] - center[p];
-        const double r2 = dot(d, d);
-        if (!(r2 > 0)) continue;
-        const Rgbd change = values[q] - values[p];
-        for (const std::uint32_t at : {p, q}) {
-            Fit& f = fits[at];
-            const double w = std::min(area[p], area[q]) / (r2 * r2); // a sliver beside it says little
-            f.xx += w * d.x * d.x, f.xy += w * d.x * d.y, f.yy += w * d.y * d.y;
-            f.x += change * (w * d.x), f.y += change * (w * d.y);
-            for (std::size_t c = 0; c < 3; ++c) f.most[c] = std::max(f.most[c], std::abs(change[c]));
+    parallel_chunks(context, n, kChunk, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t p = begin; p < end; ++p) {
+            for (const std::uint32_t l : luxels[p]) {
+                const double a = s.luxels[l].area;
+                center[p] = center[p] + place(l) * a, area[p] += a;
+            }
+            if (area[p] > 0) center[p] = center[p] * (1 / area[p]);
         }
-    }
-    std::vector<Rgbd> along_x(n), along_y(n), reach(n);
-    for (std::size_t p = 0; p < n; ++p) {
-        const Fit& f = fits[p];
-        const double ridge = kRidge * (f.xx + f.yy), xx = f.xx + ridge, yy = f.yy + ridge, det = xx * yy - f.xy * f.xy;
-        if (!(det > 0)) continue;
-        along_x[p] = (f.x * yy - f.y * f.xy) / det, along_y[p] = (f.y * xx - f.x * f.xy) / det;
-    }
-    for (std::size_t l = 0; l < luxels; ++l) {
-        const std::uint32_t p = luxel_patch[l];
-        if (p == kNoPatch) continue;
-        const Vec2 d = place(l) - center[p];
-        for (std::size_t c = 0; c < 3; ++c) reach[p][c] = std::max(reach[p][c], std::abs(along_x[p][c] * d.x + along_y[p][c] * d.y));
-    }
-    std::vector<Rgbd> out(luxels);
-    for (std::size_t l = 0; l < luxels; ++l) {
-        const std::uint32_t p = luxel_patch[l];
-        if (p == kNoPatch) continue;
-        const Vec2 d = place(l) - center[p];
-        for (std::size_t c = 0; c < 3; ++c) {
-            const double most = std::min(fits[p].most[c], std::max(values[p][c], 0.0));
-            const double share = reach[p][c] > most ? most / reach[p][c] : 1;
-            out[l][c] = values[p][c] + share * (along_x[p][c] * d.x + along_y[p][c] * d.y);
+    });
+    std::vector<Rgbd> out(s.luxels.size());
+    parallel_chunks(context, n, kChunk, [&](std::size_t begin, std::size_t end) {
+        std::vector<Vec2> places;
+        for (std::size_t p = begin; p < end; ++p) {
+            double xx = 0, xy = 0, yy = 0;
+            Rgbd x, y, most; // most: by which a neighbour differs
+            for (const std::uint32_t q : neighbours[p]) {
+                if (!(area[p] > 0 && area[q] > 0)) continue;
+                const Vec2 d = center[q] - center[p];
+                const double r2 = dot(d, d);
+                if (!(r2 > 0)) continue;
+                const Rgbd change = values[q] - values[p];
+                const double w = std::min(area[p], area[q]) / (r2 * r2); // a sliver beside it says little
+                xx += w * d.x * d.x, xy += w * d.x * d.y, yy += w * d.y * d.y;
+                x += change * (w * d.x), y += change * (w * d.y);
+                for (std::size_t c = 0; c < 3; ++c) most[c] = std::max(most[c], std::abs(change[c]));
+            }
+            const double ridge = kRidge * (xx + yy), along_xx = xx + ridge, along_yy = yy + ridge, det = along_xx * along_yy - xy * xy;
+            if (!(det > 0)) {
+                for (const std::uint32_t l : luxels[p]) out[l] = values[p];
+                continue;
+            }
+            const Rgbd along_x = (x * along_yy - y * xy) / det, along_y = (y * along_xx - x * xy) / det;
+            places.clear();
+            Rgbd reach, share{1, 1, 1};
+            for (const std::uint32_t l : luxels[p]) {
+                const Vec2 d = places.emplace_back(place(l) - center[p]);
+                for (std::size_t c = 0; c < 3; ++c) reach[c] = std::max(reach[c], std::abs(along_x[c] * d.x + along_y[c] * d.y));
+            }
+            for (std::size_t c = 0; c < 3; ++c)
+                if (const double least = std::min(most[c], std::max(values[p][c], 0.0)); reach[c] > least) share[c] = least / reach[c];
+            for (std::size_t k = 0; k < places.size(); ++k)
+                for (std::size_t c = 0; c < 3; ++c) out[luxels[p][k]][c] = values[p][c] + share[c] * (along_x[c] * places[k].x + along_y[c] * places[k].y);
         }
-    }
+    });
     return out;
 }
 

@@ -3,6 +3,7 @@
 // floor cuts the pieces, so nothing spreads under it. Faces without a chart are one patch each.
 #pragma once
 #include "compiler/light/light.h"
+#include "libs/core/grouped.h"
 #include "libs/sampling/sobol.h"
 #include <array>
 #include <span>
@@ -41,11 +42,11 @@ std::vector<std::uint8_t> luxels_beside(const Surfaces& surfaces, const PieceEdg
 // Patches that share an edge in one plane: each pair once, ascending.
 using TouchingPatches = std::vector<std::array<std::uint32_t, 2>>;
 TouchingPatches touching_patches(const PieceEdges& edges, const PatchTable& table);
+Grouped neighbours_of(const TouchingPatches& touching, std::size_t patches); // of each patch, ascending
 
 // Values of patches (means over them) at their luxels: linear over each patch, with the slope that its neighbours along edges show. At
-// most as far off the mean as the neighbour that differs most, and nowhere below 0. `luxel_patch`: per luxel; kNoPatch: 0.
-std::vector<Rgbd> values_at_luxels(const Surfaces& surfaces, const TouchingPatches& touching, const PatchTable& table, std::span<const std::uint32_t> luxel_patch,
-                                   const std::vector<Rgbd>& values);
+// most as far off the mean as the neighbour that differs most, and nowhere below 0. `luxels`: of each patch; others: 0. `neighbours`: neighbours_of(touching_patches).
+std::vector<Rgbd> values_at_luxels(const Surfaces& surfaces, const Grouped& neighbours, const Grouped& luxels, const std::vector<Rgbd>& values, Context& context);
 
 // Where luxels lie: texel -> luxel, hit -> patch.
 class LuxelIndex {

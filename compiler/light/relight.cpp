@@ -49,18 +49,36 @@ void Bake::name_table() {
     larger_table_ = hash_of(std::pair(table_, quality_.patch_size)); // they go by the size asked for
 }
 
-PieceEdges Bake::piece_edges() const {
-    return known_or<PieceEdges>(mix(geometry_, KeyOf::edges), [&] { return piece_adjacency(surfaces_); });
+const PieceEdges& Bake::edges() const {
+    if (!edges_) edges_ = piece_adjacency(surfaces_);
+    return *edges_;
 }
+
+// Random numbers of the luxels, by their places.
+template <class T> std::vector<T> Bake::luxel_numbers(std::uint64_t pass) const {
+    return known_or<std::vector<T>>(mix(geometry_, KeyOf::numbers, pass), [&] {
+        std::vector<T> out(surfaces_.luxels.size());
+        parallel_chunks(context_, out.size(), 1024, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t l = begin; l < end; ++l) {
+                const std::uint64_t seed = seed_at(luxel_centroid(surfaces_.luxels[l]), pass);
+                if constexpr (std::is_same_v<T, double>) out[l] = Random(seed)();
+                else out[l] = seed;
+            }
+        });
+        return out;
+    });
+}
+template std::vector<double> Bake::luxel_numbers(std::uint64_t) const;
+template std::vector<std::uint64_t> Bake::luxel_numbers(std::uint64_t) const;
 
 PatchTable Bake::patches_of(double h) const {
     ByteWriter w;
     for (const Material& m : world_.materials) w(m.reflectance, m.emission);
-    return known_or<PatchTable>(mix(geometry_, KeyOf::patches, hash_bytes(w.bytes).low, std::bit_cast<std::uint64_t>(h)), [&] { return build_patches(world_, surfaces_, edges_, h); });
+    return known_or<PatchTable>(mix(geometry_, KeyOf::patches, hash_bytes(w.bytes).low, std::bit_cast<std::uint64_t>(h)), [&] { return build_patches(world_, surfaces_, edges(), h); });
 }
 
 TouchingPatches Bake::touching(const PatchTable& table, Hash name) const {
-    return known_or<TouchingPatches>(mix(name.low, KeyOf::neighbours), [&] { return touching_patches(edges_, table); });
+    return known_or<TouchingPatches>(mix(name.low, KeyOf::neighbours), [&] { return touching_patches(edges(), table); });
 }
 
 namespace {
@@ -138,6 +156,7 @@ void Bake::note_reflected(std::uint32_t p) {
     const std::span<const std::uint32_t> luxels = luxels_of(p);
     reflects_[p] = mix(with_reflected(chained(light_seen(p), patches_.patches[p].reflectance), reflected_, surfaces_, p, luxels));
     reflects_coarse_[p] = mix(with_reflected(with_reflected(0, coarse_, surfaces_, p, luxels), coarse_luxels_, surfaces_, p, luxels));
+    untold_[p] = 1;
 }
 
 // What the guide of a patch that sees it has from it.
@@ -151,7 +170,7 @@ std::uint64_t Bake::light_seen(std::uint32_t p) const {
 // After a solution: that, and what the guides of others have from it.
 void Bake::note_solution() {
     const std::size_t n = patches_.patches.size();
-    reflects_.resize(n), reflects_coarse_.resize(n), guides_.resize(n);
+    reflects_.resize(n), reflects_coarse_.resize(n), guides_.resize(n), untold_.resize(n);
     std::vector<std::uint64_t> seen(n);
     constexpr std::size_t kChunk = 256;
     parallel_chunks(context_, n, kChunk, [&](std::size_t begin, std::size_t end) {
@@ -178,22 +197,26 @@ std::uint64_t Bake::hash_of_ref(const LightRef& r, bool bright) const {
     return mix(flags, r.light, bits(radiance.x), bits(radiance.y), bits(radiance.z));
 }
 
-// Before a step: lists change between them.
+// Before a step: lists and what is reflected change between them.
 void Bake::note_states() {
     const std::size_t n = patches_.patches.size();
-    emitters_hash_.assign(n, 0), states_.resize(part_count()), states_coarse_.resize(part_count());
+    emitters_hash_.resize(n), states_.resize(part_count()), states_coarse_.resize(part_count());
     for (std::uint32_t e = 0; e < emitters_.emitters.size(); ++e) states_[emitter_part(e)] = states_coarse_[emitter_part(e)] = hash_of(emitters_.emitters[e].radiance).low;
-    for (std::size_t p = 0; p < n; ++p) {
-        std::uint64_t all = 0;
-        for (std::size_t k = 0; k < lists_[p].size(); ++k) {
-            const std::uint64_t h = hash_of_ref(lists_[p][k]);
-            all = mix(all, h, std::bit_cast<std::uint32_t>(brought_[p][k])); // a light close by is drawn by what each brings
-            if (lists_[p][k].is_emitter) emitters_hash_[p] = mix(emitters_hash_[p], h);
+    parallel_chunks(context_, n, 256, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t p = begin; p < end; ++p) {
+            if (!std::exchange(untold_[p], std::uint8_t{0})) continue;
+            std::uint64_t all = 0, emitters = 0;
+            for (std::size_t k = 0; k < lists_[p].size(); ++k) {
+                const std::uint64_t h = hash_of_ref(lists_[p][k]);
+                all = mix(all, h, std::bit_cast<std::uint32_t>(brought_[p][k])); // a light close by is drawn by what each brings
+                if (lists_[p][k].is_emitter) emitters = mix(emitters, h);
+            }
+            emitters_hash_[p] = emitters;
+            states_[p] = reflects_[p], states_coarse_[p] = mix(reflects_[p], reflects_coarse_[p]);
+            states_[n + p] = states_coarse_[n + p] = emitters;
+            states_[2 * n + p] = states_coarse_[2 * n + p] = all;
         }
-        states_[p] = reflects_[p], states_coarse_[p] = mix(reflects_[p], reflects_coarse_[p]);
-        states_[n + p] = states_coarse_[n + p] = emitters_hash_[p];
-        states_[2 * n + p] = states_coarse_[2 * n + p] = all;
-    }
+    });
 }
 
 // What decides where rays go: their number, the guide of the patch, which emitters have rays of their own, and what is worth some.

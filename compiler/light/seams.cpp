@@ -6,6 +6,8 @@
 #include <Eigen/SparseCholesky>
 #include <cmath>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -103,114 +105,153 @@ std::vector<std::vector<SeamLine>> seam_lines(const Surfaces& s) {
     return out;
 }
 
-std::vector<SeamPoint> seam_points(const Surfaces& s, const Lighting& lighting, const TraceScene& scene, double density, Context& context, Memo* memo) {
-    constexpr double kHeight = 0.125; // map units over the surfaces, for what stands on them; doors of maps hang no higher over a floor
-    constexpr double kInside = 1e-3;  // luxels
-    const std::vector<std::array<Side, 2>> sides = sides_of_seams(s);
-    const LuxelIndex index(s);
-    // Of side k: what it reads from beyond the edge is behind what ends there, as seen from where else it is read. That is a luxel of its own round the end of a wall, or a
-    // texel of the gutter that would stand for one of the other side's.
-    const auto torn = [&](const SeamPoint& point, std::size_t k, double reach) {
-        const Face &own = s.faces[point.face[k].at()], &other = s.faces[point.face[1 - k].at()];
-        if (own.curved() || own.plane != other.plane) return false;
-        const Chart& c = s.charts[own.chart.at()];
-        const Bilinear read = bilinear_at(c, point.luxel[k]);
-        const auto baked = [&](std::uint32_t texel) { // its middle
-            const std::uint32_t l = lighting.valid[texel] == 1 ? index.luxel_of(texel) : UINT32_MAX;
-            return l == UINT32_MAX ? std::nullopt : std::optional(world_from_luxel(s, s.luxels[l].face, centroid_of(s, s.luxels[l])));
-        };
-        const Vec3 up = own.normal * kHeight;
-        for (std::size_t i = 0; i < 4; ++i) {
-            if (!(read.weight[i] > 0)) continue;
-            if (const auto to = baked(read.texel[i])) {
-                if (dot(*to - point.position, point.inwards[k]) <= -kInside * reach && scene.occluded(point.position + point.inwards[1 - k] * (kInside * reach) + up, *to + up)) return true;
-                continue;
-            }
-            const std::uint32_t at = read.texel[i] - c.first_texel;
-            const Vec2 there = luxel_from_world(s, point.face[1 - k], world_from_luxel(s, point.face[k], {at % c.width + 0.5, at / c.width + 0.5}));
-            const Chart& d = s.charts[other.chart.at()];
-            if (!(there.x >= 0 && there.y >= 0 && there.x < d.width && there.y < d.height)) continue;
-            const auto to = baked(d.texel(static_cast<std::uint32_t>(there.x), static_cast<std::uint32_t>(there.y)));
-            for (std::size_t q = 0; to && q < 4; ++q)
-                if (const auto from = read.weight[q] > 0 ? baked(read.texel[q]) : std::nullopt; from && scene.occluded(*from + up, *to + up)) return true;
-        }
-        return false;
-    };
-    // What rays say of each: a function of geometry and of where anything was baked.
-    enum class Point : std::uint8_t { kShut, kOpen, kTorn };
-    const std::uint64_t key = memo ? mix(hash_of(scene.instruction_set()).low, KeyOf::seams, hash_bytes(raw_bytes(s.luxels)).low, hash_bytes(raw_bytes(lighting.valid)).low, std::bit_cast<std::uint64_t>(density)) : 0;
-    std::vector<std::vector<Point>> states(sides.size());
-    bool kept = false;
-    if (const auto before = memo ? memo->find(key, {}) : std::nullopt) {
-        read_whole(*before, states);
-        kept = states.size() == sides.size();
-        states.resize(sides.size());
-    }
-    std::vector<std::vector<SeamPoint>> points(sides.size());
-    parallel_for(context, sides.size(), [&](std::size_t i) {
-        if (sides[i][0].triangle == UINT32_MAX) return;
+namespace {
+
+// A point of an edge between two charts, seen from both.
+struct SeamPoint {
+    Vec3 position, normal; // the shading normal that both sides have there
+    Vec3 along;            // unit, of the edge
+    std::array<FaceId, 2> face;
+    std::array<Vec3, 2> inwards; // unit, across the edge in each face
+    std::array<Vec2, 2> luxel;
+    std::array<Frame, 2> frame; // that each side's directional light is read in
+    // Beside the end of a wall: a side reads what lies round it, and so would show that at the foot of the wall. What both sides show here cannot be the same.
+    bool torn = false;
+};
+// The same as its number on a seam.
+struct SeamPlace {
+    static constexpr bool kRawBytes = true;
+    std::uint32_t seam = 0, number = 0, torn = 0;
+};
+
+// Points along all seams, so many to a luxel of the finer side.
+class SeamPoints {
+public:
+    SeamPoints(const Surfaces& surfaces, const LuxelIndex& index, double density) : s_(surfaces), index_(index), density_(density), sides_(sides_of_seams(surfaces)) {}
+    // Those where light may go from one side to the other: the surfaces of one mesh go on, both are baked there, and nothing stands on the edge. In the order of the seams.
+    // A function of geometry and of where anything was baked.
+    std::vector<SeamPlace> open(const std::vector<std::uint8_t>& valid, const TraceScene& scene, Context& context) const;
+    SeamPoint at(const SeamPlace& place) const { return point(*edge(place.seam), place.number, place.torn); }
+    const Chart& chart_of(const SeamPoint& p, std::size_t k) const { return s_.charts[s_.faces[p.face[k].at()].chart.at()]; }
+
+private:
+    struct Edge {
         std::array<FaceId, 2> face;
         std::array<const Chart*, 2> chart{};
         std::array<std::array<Vec2, 2>, 2> ends{}; // of each side, in luxels: at the edge's two ends
         std::array<Vec3, 2> inwards;
-        const Side& first = sides[i][0];
-        const Vec3 p = s.positions[s.triangles[first.triangle][first.edge]], q = s.positions[s.triangles[first.triangle][(first.edge + 1) % 3]];
-        const Vec3 n0 = static_cast<Vec3>(s.corner_normals[first.triangle][first.edge]), n1 = static_cast<Vec3>(s.corner_normals[first.triangle][(first.edge + 1) % 3]);
-        if (!(length(q - p) > 0)) return;
-        double luxels = 0;
-        for (std::size_t k = 0; k < 2; ++k) {
-            face[k] = s.triangle_face[sides[i][k].triangle];
-            chart[k] = &s.charts[s.faces[face[k].at()].chart.at()];
-            ends[k] = {luxel_from_world(s, face[k], p), luxel_from_world(s, face[k], q)};
-            inwards[k] = normalize(cross(s.faces[face[k].at()].normal, q - p)) * (k == 0 ? 1.0 : -1.0);
-            const Vec2 along = ends[k][1] - ends[k][0];
-            luxels = std::max(luxels, std::hypot(along.x, along.y));
-        }
-        const auto count = static_cast<std::size_t>(std::max(1.0, std::ceil(density * luxels)));
-        if (!kept) states[i].assign(count, Point::kShut);
-        KILN_CHECK_OP(states[i].size(), ==, count);
-        for (std::size_t j = 0; j < count; ++j) {
-            Point& state = states[i][j];
-            if (kept && state == Point::kShut) continue;
-            const double at = (static_cast<double>(j) + 0.5) / static_cast<double>(count);
-            SeamPoint point;
-            point.seam = static_cast<std::uint32_t>(i), point.face = face;
-            point.position = p + (q - p) * at, point.along = normalize(q - p), point.inwards = inwards;
-            const Vec3 n = n0 + (n1 - n0) * at;
-            point.normal = length(n) > 1e-6 ? normalize(n) : s.faces[face[0].at()].normal;
-            bool open = true;
-            const Vec3 over = point.position + point.normal * kHeight;
-            for (std::size_t k = 0; k < 2 && open; ++k) {
-                const Face& f = s.faces[face[k].at()];
-                point.luxel[k] = ends[k][0] + (ends[k][1] - ends[k][0]) * at;
-                point.frame[k] = light_frame(*chart[k], f, point.normal);
-                if (kept) continue;
-                // Baked there: a luxel that lies in what is solid, or in a door, is filled in.
-                const double reach = 0.5 * std::sqrt(luxel_area(s, face[k])); // half a luxel
-                const Vec2 within = luxel_from_world(s, face[k], point.position + inwards[k] * (2 * kInside * reach));
-                const auto x = static_cast<std::uint32_t>(std::clamp(within.x, 0.0, chart[k]->width - 1.0)), y = static_cast<std::uint32_t>(std::clamp(within.y, 0.0, chart[k]->height - 1.0));
-                open = lighting.valid[chart[k]->texel(x, y)] == 1;
-                if (!open) break;
-                // Walls of this mesh end it, and so are no seam. What stands on it without cutting it does so here: brush models, terrain.
-                const std::optional<SceneHit> hit = scene.closest(over, inwards[k], reach);
-                if (!hit) continue;
-                const Face& by = s.faces[hit->face.at()];
-                open = by.model == f.model && by.curved() == f.curved() && !hit->back;
-            }
-            if (!open) continue;
-            for (std::size_t k = 0; k < 2 && !kept; ++k) point.torn = point.torn || torn(point, k, 0.5 * std::sqrt(luxel_area(s, face[k])));
-            if (!kept) state = point.torn ? Point::kTorn : Point::kOpen;
-            point.torn = state == Point::kTorn;
-            points[i].push_back(point);
-        }
-    });
-    if (memo && !kept) memo->keep(key, {}, {}, to_bytes(states));
-    std::vector<SeamPoint> out;
-    for (const auto& some : points) out.insert(out.end(), some.begin(), some.end());
+        Vec3 from, to, normal_from, normal_to;
+        std::uint32_t points = 0;
+    };
+    std::optional<Edge> edge(std::size_t seam) const; // none: no two triangles meet there
+    SeamPoint point(const Edge& edge, std::uint32_t number, bool torn) const;
+    bool goes_on(const SeamPoint& point, const std::vector<std::uint8_t>& valid, const TraceScene& scene) const;
+    bool torn(const SeamPoint& point, std::size_t k, const std::vector<std::uint8_t>& valid, const TraceScene& scene) const;
+    double half_luxel(FaceId face) const { return 0.5 * std::sqrt(luxel_area(s_, face)); }
+
+    static constexpr double kHeight = 0.125; // map units over the surfaces, for what stands on them; doors of maps hang no higher over a floor
+    static constexpr double kInside = 1e-3;  // luxels
+    const Surfaces& s_;
+    const LuxelIndex& index_;
+    const double density_;
+    const std::vector<std::array<Side, 2>> sides_;
+};
+
+std::optional<SeamPoints::Edge> SeamPoints::edge(std::size_t seam) const {
+    const Side& first = sides_[seam][0];
+    if (first.triangle == UINT32_MAX) return std::nullopt;
+    const std::size_t second = (first.edge + 1) % 3;
+    Edge out;
+    out.from = s_.positions[s_.triangles[first.triangle][first.edge]], out.to = s_.positions[s_.triangles[first.triangle][second]];
+    out.normal_from = static_cast<Vec3>(s_.corner_normals[first.triangle][first.edge]), out.normal_to = static_cast<Vec3>(s_.corner_normals[first.triangle][second]);
+    if (!(length(out.to - out.from) > 0)) return std::nullopt;
+    double luxels = 0;
+    for (std::size_t k = 0; k < 2; ++k) {
+        const FaceId face = out.face[k] = s_.triangle_face[sides_[seam][k].triangle];
+        out.chart[k] = &s_.charts[s_.faces[face.at()].chart.at()];
+        out.ends[k] = {luxel_from_world(s_, face, out.from), luxel_from_world(s_, face, out.to)};
+        out.inwards[k] = normalize(cross(s_.faces[face.at()].normal, out.to - out.from)) * (k == 0 ? 1.0 : -1.0);
+        const Vec2 along = out.ends[k][1] - out.ends[k][0];
+        luxels = std::max(luxels, std::hypot(along.x, along.y));
+    }
+    out.points = static_cast<std::uint32_t>(std::max(1.0, std::ceil(density_ * luxels)));
     return out;
 }
 
-namespace {
+SeamPoint SeamPoints::point(const Edge& e, std::uint32_t number, bool torn) const {
+    const double at = (number + 0.5) / e.points;
+    SeamPoint out;
+    out.face = e.face, out.torn = torn;
+    out.position = e.from + (e.to - e.from) * at, out.along = normalize(e.to - e.from), out.inwards = e.inwards;
+    const Vec3 n = e.normal_from + (e.normal_to - e.normal_from) * at;
+    out.normal = length(n) > 1e-6 ? normalize(n) : s_.faces[e.face[0].at()].normal;
+    for (std::size_t k = 0; k < 2; ++k) {
+        out.luxel[k] = e.ends[k][0] + (e.ends[k][1] - e.ends[k][0]) * at;
+        out.frame[k] = light_frame(*e.chart[k], s_.faces[e.face[k].at()], out.normal);
+    }
+    return out;
+}
+
+bool SeamPoints::goes_on(const SeamPoint& p, const std::vector<std::uint8_t>& valid, const TraceScene& scene) const {
+    for (std::size_t k = 0; k < 2; ++k) {
+        const Face& f = s_.faces[p.face[k].at()];
+        const Chart& chart = chart_of(p, k);
+        // Baked there: a luxel that lies in what is solid, or in a door, is filled in.
+        const double reach = half_luxel(p.face[k]);
+        const Vec2 within = luxel_from_world(s_, p.face[k], p.position + p.inwards[k] * (2 * kInside * reach));
+        const auto x = static_cast<std::uint32_t>(std::clamp(within.x, 0.0, chart.width - 1.0)), y = static_cast<std::uint32_t>(std::clamp(within.y, 0.0, chart.height - 1.0));
+        if (valid[chart.texel(x, y)] != 1) return false;
+        // Walls of this mesh end it, and so are no seam. What stands on it without cutting it does so here: brush models, terrain.
+        const std::optional<SceneHit> hit = scene.closest(p.position + p.normal * kHeight, p.inwards[k], reach);
+        if (!hit) continue;
+        const Face& by = s_.faces[hit->face.at()];
+        if (by.model != f.model || by.curved() != f.curved() || hit->back) return false;
+    }
+    return true;
+}
+
+// Of side k: what it reads from beyond the edge is behind what ends there, as seen from where else it is read. That is a luxel of its own round the end of a wall, or a
+// texel of the gutter that would stand for one of the other side's.
+bool SeamPoints::torn(const SeamPoint& point, std::size_t k, const std::vector<std::uint8_t>& valid, const TraceScene& scene) const {
+    const Face &own = s_.faces[point.face[k].at()], &other = s_.faces[point.face[1 - k].at()];
+    if (own.curved() || own.plane != other.plane) return false;
+    const double reach = half_luxel(point.face[k]);
+    const Chart& c = chart_of(point, k);
+    const Bilinear read = bilinear_at(c, point.luxel[k]);
+    const auto baked = [&](std::uint32_t texel) { // its middle
+        const std::uint32_t l = valid[texel] == 1 ? index_.luxel_of(texel) : UINT32_MAX;
+        return l == UINT32_MAX ? std::nullopt : std::optional(world_from_luxel(s_, s_.luxels[l].face, centroid_of(s_, s_.luxels[l])));
+    };
+    const Vec3 up = own.normal * kHeight;
+    for (std::size_t i = 0; i < 4; ++i) {
+        if (!(read.weight[i] > 0)) continue;
+        if (const auto to = baked(read.texel[i])) {
+            if (dot(*to - point.position, point.inwards[k]) <= -kInside * reach && scene.occluded(point.position + point.inwards[1 - k] * (kInside * reach) + up, *to + up)) return true;
+            continue;
+        }
+        const std::uint32_t at = read.texel[i] - c.first_texel;
+        const Vec2 there = luxel_from_world(s_, point.face[1 - k], world_from_luxel(s_, point.face[k], {at % c.width + 0.5, at / c.width + 0.5}));
+        const Chart& d = s_.charts[other.chart.at()];
+        if (!(there.x >= 0 && there.y >= 0 && there.x < d.width && there.y < d.height)) continue;
+        const auto to = baked(d.texel(static_cast<std::uint32_t>(there.x), static_cast<std::uint32_t>(there.y)));
+        for (std::size_t q = 0; to && q < 4; ++q)
+            if (const auto from = read.weight[q] > 0 ? baked(read.texel[q]) : std::nullopt; from && scene.occluded(*from + up, *to + up)) return true;
+    }
+    return false;
+}
+
+std::vector<SeamPlace> SeamPoints::open(const std::vector<std::uint8_t>& valid, const TraceScene& scene, Context& context) const {
+    std::vector<std::vector<SeamPlace>> places(sides_.size());
+    parallel_for(context, sides_.size(), [&](std::size_t i) {
+        const std::optional<Edge> e = edge(i);
+        for (std::uint32_t j = 0; e && j < e->points; ++j)
+            if (const SeamPoint p = point(*e, j, false); goes_on(p, valid, scene))
+                places[i].push_back({static_cast<std::uint32_t>(i), j, torn(p, 0, valid, scene) || torn(p, 1, valid, scene)});
+    });
+    std::vector<SeamPlace> out;
+    for (const auto& some : places) out.insert(out.end(), some.begin(), some.end());
+    return out;
+}
 
 // What a row of the fit asks: the sum of weight * texel, both sides together, to be 0.
 struct Row {
@@ -330,13 +371,20 @@ struct Part {
     std::vector<std::uint32_t> texels;          // all that are read, ascending
     std::vector<ChartId> charts;                // of each
     std::vector<Texel> value;                   // of each
+    std::vector<std::uint32_t> beyond;          // texels that are read of what lies on the other side
     std::size_t index(std::uint32_t texel) const { return static_cast<std::size_t>(std::ranges::lower_bound(texels, texel) - texels.begin()); }
+};
+// What its texels hold then: flat light; where they have it directional light after it.
+struct Matched {
+    std::vector<std::uint32_t> texels;
+    std::vector<Rgb> light;
+    template <class A> void fields(A& a) { a(texels, light); }
 };
 
 class Matching {
 public:
     Matching(const Surfaces& surfaces, double floor, Lighting& lighting) : s_(surfaces), floor_(floor), light_(lighting), index_(surfaces) {}
-    void run(std::span<const SeamPoint> points, Context& context);
+    void run(const TraceScene& scene, Context& context, Memo* memo);
 
 private:
     const Surfaces& s_;
@@ -346,6 +394,9 @@ private:
 
     bool directional(ChartId chart) const { return light_.rnm_first[chart.at()] != UINT32_MAX; }
     const Chart& chart_of(const SeamPoint& p, std::size_t k) const { return s_.charts[s_.faces[p.face[k].at()].chart.at()]; }
+    ChartId chart_at(std::uint32_t texel) const { // charts lie one after the other
+        return id<ChartId>(static_cast<std::size_t>(std::ranges::upper_bound(s_.charts, texel, {}, &Chart::first_texel) - s_.charts.begin() - 1));
+    }
     Texel baked(ChartId chart, std::uint32_t texel) const {
         Texel out{static_cast<Rgbd>(light_.flat[texel])};
         if (directional(chart))
@@ -363,6 +414,9 @@ private:
         const double noise = light_.texel_error[texel] / kOrdinaryNoise;
         return std::max(kKeepFilled, kKeepBaked * std::min(1.0f, luxel->area) / (1 + noise * noise)) / (v * v);
     }
+    std::vector<std::vector<SeamPlace>> apart(const SeamPoints& points, const TraceScene& scene, Context& context) const;
+    std::vector<std::uint64_t> texel_states(Context& context) const;
+    Matched match(const SeamPoints& points, std::span<const SeamPlace> places, std::vector<std::uint32_t>* read) const;
     void prepare(Part& part) const;
     void go_on(Part& part) const;
     void fit_flat(Part& part) const;
@@ -453,6 +507,7 @@ void Matching::go_on(Part& part) const {
             std::size_t& at = place.value[i] = part.index(place.read.texel[i]);
             if (at < part.texels.size() && part.texels[at] == place.read.texel[i]) continue;
             at = part.texels.size() + beyond.size();
+            part.beyond.push_back(place.read.texel[i]);
             beyond.push_back(baked(s_.faces[part.points[place.point].face[1 - place.side].at()].chart, place.read.texel[i]));
         }
     const auto linear = [&](const std::array<Rgbd, 3>& stored, Vec3 n) { // rnm_evaluate, below 0 too
@@ -560,54 +615,112 @@ void Matching::fit_directional(Part& part) const {
     }
 }
 
-void Matching::run(std::span<const SeamPoint> points, Context& context) {
-    // Points that read a common texel are fitted together; the others need not wait for each other.
+// Points that read a common texel are fitted together; the others need not wait for each other.
+std::vector<std::vector<SeamPlace>> Matching::apart(const SeamPoints& points, const TraceScene& scene, Context& context) const {
+    const std::vector<SeamPlace> places = points.open(light_.valid, scene, context);
     UnionFind together(s_.texel_count);
-    std::vector<std::uint32_t> any(points.size(), UINT32_MAX);
-    for (std::size_t j = 0; j < points.size(); ++j)
+    std::vector<std::uint32_t> any(places.size(), UINT32_MAX);
+    for (std::size_t j = 0; j < places.size(); ++j) {
+        const SeamPoint point = points.at(places[j]);
         for (std::size_t k = 0; k < 2; ++k) {
-            const Bilinear read = bilinear_at(chart_of(points[j], k), points[j].luxel[k]);
+            const Bilinear read = bilinear_at(chart_of(point, k), point.luxel[k]);
             for (std::size_t i = 0; i < 4; ++i) {
                 if (!(read.weight[i] > 0)) continue;
                 if (any[j] == UINT32_MAX) any[j] = read.texel[i];
                 together.join(any[j], read.texel[i]);
             }
         }
+    }
     std::vector<std::pair<std::uint32_t, std::uint32_t>> order; // smallest texel of the set, point
-    for (std::uint32_t j = 0; j < points.size(); ++j) order.emplace_back(together.find(any[j]), j);
+    for (std::uint32_t j = 0; j < places.size(); ++j) order.emplace_back(together.find(any[j]), j);
     std::ranges::sort(order);
-    std::vector<Part> parts;
+    std::vector<std::vector<SeamPlace>> parts;
     for (std::size_t i = 0; i < order.size(); ++i) {
         if (i == 0 || order[i].first != order[i - 1].first) parts.emplace_back();
-        parts.back().points.push_back(points[order[i].second]);
+        parts.back().push_back(places[order[i].second]);
     }
-    // All from what was baked; nothing is written before all are done, for they look beyond their own texels.
-    parallel_for(context, "light: seams", parts.size(), [&](std::size_t i) {
-        Part& part = parts[i];
-        prepare(part);
-        go_on(part);
-        fit_flat(part);
-        fit_directional(part);
-    });
-    for (Part& part : parts)
-        for (std::size_t t = 0; t < part.texels.size(); ++t) {
-            const ChartId chart = part.charts[t];
-            light_.flat[part.texels[t]] = static_cast<Rgb>(part.value[t].flat);
-            if (!directional(chart)) continue;
-            follow_flat(light_.encoding, part.value[t].flat, part.value[t].rnm);
-            auto& stored = light_.rnm[light_.rnm_first[chart.at()] + (part.texels[t] - s_.charts[chart.at()].first_texel)];
-            for (std::size_t m = 0; m < 3; ++m) stored[m] = static_cast<Rgb>(part.value[t].rnm[m]);
+    return parts;
+}
+
+// All that a fit reads of a texel that depends on light.
+std::vector<std::uint64_t> Matching::texel_states(Context& context) const {
+    std::vector<std::uint64_t> out(s_.texel_count);
+    parallel_chunks(context, s_.charts.size(), 64, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t c = begin; c < end; ++c) {
+            const Chart& chart = s_.charts[c];
+            const std::uint32_t first = light_.rnm_first[c], count = chart.width * chart.height;
+            for (std::uint32_t t = 0; t < count; ++t) {
+                const std::size_t texel = chart.first_texel + t;
+                std::uint64_t sum = chained(std::uint64_t{std::bit_cast<std::uint32_t>(light_.texel_error[texel])}, light_.flat[texel]);
+                for (std::size_t i = 0; first != UINT32_MAX && i < 3; ++i) sum = chained(sum, light_.rnm[first + t][i]);
+                out[texel] = mix(sum);
+            }
         }
+    });
+    return out;
+}
+
+// `read`: all texels that it is made from.
+Matched Matching::match(const SeamPoints& points, std::span<const SeamPlace> places, std::vector<std::uint32_t>* read) const {
+    Part part;
+    for (const SeamPlace& place : places) part.points.push_back(points.at(place));
+    prepare(part);
+    go_on(part);
+    fit_flat(part);
+    fit_directional(part);
+    Matched out{part.texels, {}};
+    for (std::size_t t = 0; t < part.texels.size(); ++t) {
+        out.light.push_back(static_cast<Rgb>(part.value[t].flat));
+        if (!directional(part.charts[t])) continue;
+        follow_flat(light_.encoding, part.value[t].flat, part.value[t].rnm);
+        for (const Rgbd& along : part.value[t].rnm) out.light.push_back(static_cast<Rgb>(along));
+    }
+    *read = part.texels;
+    read->insert(read->end(), part.beyond.begin(), part.beyond.end());
+    return out;
+}
+
+void Matching::run(const TraceScene& scene, Context& context, Memo* memo) {
+    std::optional<SeamPoints> made; // where the memo does not have all
+    std::once_flag once;
+    const auto points = [&]() -> const SeamPoints& {
+        std::call_once(once, [&] { made.emplace(s_, index_, kDensity); });
+        return *made;
+    };
+    const std::uint64_t key = memo ? mix(hash_of(scene.instruction_set()).low, KeyOf::seams, hash_bytes(raw_bytes(s_.luxels)).low, hash_bytes(raw_bytes(light_.valid)).low, std::bit_cast<std::uint64_t>(kDensity)) : 0;
+    const auto parts = known_or<std::vector<std::vector<SeamPlace>>>(memo, key, [&] { return apart(points(), scene, context); });
+    const std::vector<std::uint64_t> states = memo ? texel_states(context) : std::vector<std::uint64_t>{};
+    // All from what was baked; nothing is written before all are done, for they look beyond their own texels.
+    std::vector<Matched> matched(parts.size());
+    parallel_for(context, "light: seams", parts.size(), [&](std::size_t i) {
+        const std::uint64_t of_part = memo ? key_at(i, parts.size(), mix(key, KeyOf::matched, i, std::bit_cast<std::uint64_t>(floor_))) : 0;
+        if (const auto kept = memo ? memo->find(of_part, states) : std::nullopt) {
+            read_whole(*kept, matched[i]);
+            return;
+        }
+        std::vector<std::uint32_t> read;
+        matched[i] = match(points(), parts[i], &read);
+        if (memo) memo->keep(of_part, states, read, to_bytes(matched[i]));
+    });
+    for (const Matched& part : matched) {
+        auto light = part.light.begin();
+        for (const std::uint32_t texel : part.texels) {
+            light_.flat[texel] = *light++;
+            const ChartId chart = chart_at(texel);
+            if (!directional(chart)) continue;
+            auto& stored = light_.rnm[light_.rnm_first[chart.at()] + (texel - s_.charts[chart.at()].first_texel)];
+            for (std::size_t m = 0; m < 3; ++m) stored[m] = *light++;
+        }
+    }
 }
 
 } // namespace
 
-void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context, Memo* memo) {
+void match_seams(const Surfaces& surfaces, const TraceScene& scene, double floor_share, Lighting* lighting, Context& context, Memo* memo) {
     if (surfaces.seams.empty()) return;
     const double level = mean_irradiance(surfaces, *lighting);
     if (!(level > 0)) return; // all dark
-    const std::vector<SeamPoint> points = seam_points(surfaces, *lighting, scene, kDensity, context, memo);
-    Matching(surfaces, error_floor * level, *lighting).run(points, context);
+    Matching(surfaces, error_floor(floor_share, level), *lighting).run(scene, context, memo);
 }
 
 } // namespace kiln

@@ -36,23 +36,8 @@ template <class Visit> void walk(const SeamLine& line, const Visit& visit) {
     for (int k = 0; k <= steps; ++k) visit(line.from + along * (static_cast<double>(k) / steps));
 }
 
-// A point of an edge between two charts, seen from both.
-struct SeamPoint {
-    std::uint32_t seam = 0; // index into Surfaces::seams
-    Vec3 position, normal;  // the shading normal that both sides have there
-    Vec3 along;             // unit, of the edge
-    std::array<FaceId, 2> face;
-    std::array<Vec3, 2> inwards; // unit, across the edge in each face
-    std::array<Vec2, 2> luxel;
-    std::array<Frame, 2> frame; // that each side's directional light is read in
-    // Beside the end of a wall: a side reads what lies round it, and so would show that at the foot of the wall. What both sides show here cannot be the same.
-    bool torn = false;
-};
-// Points along all seams, `density` to a luxel of the finer side, where light may go from one side to the other: the surfaces of one
-// mesh go on, both are baked there, and nothing stands on the edge. In the order of the seams. `memo` (begun): of an earlier bake of the same geometry.
-std::vector<SeamPoint> seam_points(const Surfaces& surfaces, const Lighting& lighting, const TraceScene& scene, double density, Context& context, Memo* memo = nullptr);
-
-// Fits the texels of `lighting` that seams read. `error_floor`: share of the mean light below which differences are not relative.
-void match_seams(const Surfaces& surfaces, const TraceScene& scene, double error_floor, Lighting* lighting, Context& context, Memo* memo = nullptr);
+// Fits the texels of `lighting` that seams read. `floor_share`: of the mean light, below which differences are not relative (error_floor).
+// `memo` (begun): of an earlier bake of the same geometry.
+void match_seams(const Surfaces& surfaces, const TraceScene& scene, double floor_share, Lighting* lighting, Context& context, Memo* memo = nullptr);
 
 } // namespace kiln

@@ -13,7 +13,9 @@ constexpr double kFlattened = 0.125; // of a second difference, by the mean over
 
 using Values = std::array<Rgbd, 4>; // flat, and the three of directional light
 
-class Fitting {
+} // namespace
+
+class ShownFit::Fitting {
 public:
     Fitting(const Surfaces& s, const Lighting& light) : s_(s), light_(light), index_(s), seams_(seam_lines(s)) {
         const std::vector<std::uint32_t> patch = patches_of_luxels(s, light.piece_patch);
@@ -209,15 +211,25 @@ private:
     }
 };
 
-} // namespace
+ShownFit::ShownFit(const Surfaces& surfaces, const Lighting& lighting) : fitting_(std::make_unique<const Fitting>(surfaces, lighting)) {}
+ShownFit::~ShownFit() = default;
+
+Lighting ShownFit::begun(const Lighting& lighting) {
+    Lighting out;
+    out.encoding = lighting.encoding;
+    out.flat = lighting.flat, out.valid = lighting.valid, out.texel_error = lighting.texel_error;
+    out.chart_directional = lighting.chart_directional, out.rnm_first = lighting.rnm_first, out.rnm = lighting.rnm;
+    return out;
+}
+
+void ShownFit::fit(std::size_t chart, Lighting& out) const {
+    fitting_->fit(chart, out);
+}
 
 Result<Lighting> fit_shown(const Surfaces& surfaces, const Lighting& lighting, Context& context) {
     try {
-        Lighting out;
-        out.encoding = lighting.encoding;
-        out.flat = lighting.flat, out.valid = lighting.valid, out.texel_error = lighting.texel_error;
-        out.chart_directional = lighting.chart_directional, out.rnm_first = lighting.rnm_first, out.rnm = lighting.rnm;
-        const Fitting fitting(surfaces, lighting);
+        Lighting out = ShownFit::begun(lighting);
+        const ShownFit fitting(surfaces, lighting);
         parallel_for(context, surfaces.charts.size(), [&](std::size_t chart) { fitting.fit(chart, out); });
         return out;
     } catch (const Cancelled&) {

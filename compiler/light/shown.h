@@ -10,11 +10,25 @@
 //          Spektrallinien II", Zeitschrift für Physik 69 (1931); why one, and how it is held: NOTES.md
 #pragma once
 #include "compiler/light/light.h"
+#include <memory>
 
 namespace kiln {
 
 // What seams read stays as it was matched, what is dark all around stays dark, and what luxels differ by no more than their noise (`texel_error`) moves nothing. Flat light gets no
 // brighter or darker than the luxels around it that go on from it; at rims by no more than half.
 Result<Lighting> fit_shown(const Surfaces& surfaces, const Lighting& lighting, Context& context);
+
+// The same chart by chart: a chart's texels depend on its own light, on where it was baked, and on which patches its pieces belong to.
+class ShownFit {
+public:
+    ShownFit(const Surfaces& surfaces, const Lighting& lighting);
+    ~ShownFit();
+    static Lighting begun(const Lighting& lighting); // no chart is fitted yet
+    void fit(std::size_t chart, Lighting& out) const; // any number of charts at once
+
+private:
+    class Fitting;
+    std::unique_ptr<const Fitting> fitting_;
+};
 
 } // namespace kiln

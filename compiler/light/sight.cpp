@@ -36,6 +36,13 @@ private:
 
 LightSight::LightSight(const World& world, const Surfaces& surfaces, const Bsp& bsp, const Visibility* seen, const TraceScene& scene, const std::vector<Light>& lights, const EmitterSet& emitters)
     : bsp_(bsp) {
+    constexpr double kRounding = 1e-6; // map units
+    for (const Light& light : lights) {
+        Reach& reach = reaches_.emplace_back(light.position);
+        if (light.kind != LightKind::point && light.kind != LightKind::spot) continue;
+        if (light.falloff == Falloff::quake_linear) reach.far = std::max(light.range, 0.0) + kRounding;
+        if (light.fade_end > 0) reach.far = std::min(reach.far, light.fade_end + kRounding);
+    }
     lights_.count = static_cast<std::uint32_t>(lights.size()), emitters_.count = static_cast<std::uint32_t>(emitters.emitters.size());
     if (!seen || seen->cluster_count == 0 || !opaque(world, surfaces, scene)) return;
     seen_ = seen;

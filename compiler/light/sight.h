@@ -25,8 +25,14 @@ public:
     // May its light come to these clusters? No is certain.
     bool light_may(std::uint32_t light, const Clusters& to) const { return may(lights_, light, to); }
     bool emitter_may(std::uint32_t emitter, const Clusters& to) const { return may(emitters_, emitter, to); }
-    // visit(light), ascending.
-    template <class Visit> void each_light(const Clusters& to, const Visit& visit) const { each(lights_, to, visit); }
+    // visit(light), ascending, of those that reach within `radius` map units of a place there.
+    template <class Visit> void each_light(const Clusters& to, Vec3 x, double radius, const Visit& visit) const {
+        each(lights_, to, [&](std::uint32_t i) {
+            const Vec3 d = reaches_[i].from - x;
+            const double far = reaches_[i].far + radius;
+            if (dot(d, d) <= far * far) visit(i);
+        });
+    }
     template <class Visit> void each_emitter(const Clusters& to, const Visit& visit) const { each(emitters_, to, visit); }
 
 private:
@@ -57,6 +63,11 @@ private:
     Box3 box_; // beyond it the leaves at its rim have no portals
     const Visibility* seen_ = nullptr;
     Table lights_, emitters_;
+    struct Reach { // of an entity: beyond it there is no light of it
+        Vec3 from;
+        double far = 1e150; // map units
+    };
+    std::vector<Reach> reaches_;
 };
 
 } // namespace kiln

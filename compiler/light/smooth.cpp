@@ -208,20 +208,32 @@ template <class V> double excess_of_spike(const Neighbourhood::Window& window, c
     return 6 * alike <= others && excess > kStandsOut * median(away) && excess < kRaysApart * noise ? excess : 0;
 }
 
-// What luxels gathered, each spike spread over the window around it: the power stays.
-class Calmed {
+// A value for some of the luxels.
+template <class T> class OfSome {
 public:
-    Calmed(const Surfaces& surfaces, const Neighbourhood& around, const std::vector<float>& spike, const std::vector<KernelSum>& gathered, const std::vector<double>& variance)
-        : own_variance(variance), brought_variance(variance.size()), gathered_(gathered), at_(gathered.size(), UINT32_MAX) {
-        for (std::uint32_t l = 0; l < gathered.size(); ++l)
-            if (spike[l] > 0) spread(surfaces, around, spike, variance, l);
-    }
-    bool touched(std::uint32_t l) const { return at_[l] != UINT32_MAX; }
-    const KernelSum& sum(std::uint32_t l) const { return touched(l) ? spread_[at_[l]] : gathered_[l]; }
-    std::vector<double> own_variance, brought_variance; // per luxel, summed over the normals: of its own rays, less its spike; by spikes
+    OfSome(const std::vector<std::uint32_t>& slot, std::size_t count, const T& value = {}) : slot_(slot), value_(count, value) {}
+    T& operator[](std::uint32_t l) { return value_[slot_[l]]; }
+    const T& operator[](std::uint32_t l) const { return value_[slot_[l]]; }
 
 private:
-    void spread(const Surfaces& surfaces, const Neighbourhood& around, const std::vector<float>& spike, const std::vector<double>& variance, std::uint32_t l) {
+    const std::vector<std::uint32_t>& slot_; // per luxel; UINT32_MAX: none
+    std::vector<T> value_;
+};
+
+// What luxels gathered, each of these spikes spread over the window around it: the power stays.
+class Calmed {
+public:
+    Calmed(const Surfaces& surfaces, const Neighbourhood& around, const std::vector<float>& spike, std::span<const std::uint32_t> spikes, const std::vector<StoredSum>& gathered, const OfSome<double>& variance,
+           const OfSome<std::uint32_t>& nowhere, const OfSome<double>& none)
+        : own_variance(variance), brought_variance(none), gathered_(gathered), at_(nowhere) {
+        for (const std::uint32_t l : spikes) spread(surfaces, around, spike, variance, l);
+    }
+    bool touched(std::uint32_t l) const { return at_[l] != UINT32_MAX; }
+    KernelSum sum(std::uint32_t l) const { return touched(l) ? spread_[at_[l]] : gathered_[l].sum(); }
+    OfSome<double> own_variance, brought_variance; // summed over the normals: of its own rays, less its spike; by spikes
+
+private:
+    void spread(const Surfaces& surfaces, const Neighbourhood& around, const std::vector<float>& spike, const OfSome<double>& variance, std::uint32_t l) {
         Neighbourhood::Window window;
         around.window(l, kSpikeReach, window);
         double noise = 0, count = 0;
@@ -234,15 +246,15 @@ private:
         for (std::size_t i = 0; i < window.step.size(); ++i) all += weight(i) * area(window.luxel[i]);
         for (std::size_t i = 0; i < window.step.size(); ++i) {
             const std::uint32_t q = window.luxel[i];
-            if (!touched(q)) at_[q] = static_cast<std::uint32_t>(spread_.size()), spread_.push_back(gathered_[q]);
+            if (!touched(q)) at_[q] = static_cast<std::uint32_t>(spread_.size()), spread_.push_back(gathered_[q].sum());
             const double much = static_cast<double>(spike[l]), share = much * weight(i) * area(l) / all;
-            KernelSum part = gathered_[l];
+            KernelSum part = gathered_[l].sum();
             spread_[at_[q]] += part *= i == 0 ? share - much : share;
             brought_variance[q] += share * share * variance[l];
         }
     }
-    const std::vector<KernelSum>& gathered_;
-    std::vector<std::uint32_t> at_; // of a luxel that a spike has reached, in spread_
+    const std::vector<StoredSum>& gathered_;
+    OfSome<std::uint32_t> at_; // of a luxel that a spike has reached, in spread_
     std::vector<KernelSum> spread_;
 };
 
@@ -272,7 +284,7 @@ void Bake::each_gathered(const std::function<void(std::uint32_t)>& body) {
 
 KernelSum Bake::light_of(std::uint32_t l) const {
     KernelSum sum = direct_[l];
-    return sum += smoothed_[l];
+    return sum += smoothed_[l].sum();
 }
 
 // What is handed on of each luxel.
@@ -334,12 +346,14 @@ namespace {
 // Hashes of what the luxels of each block of texels of each chart gathered.
 class Blocks {
 public:
-    template <class Of> Blocks(const Surfaces& surfaces, const Of& of) : surfaces_(surfaces) {
+    // of(luxel), in the charts that are asked for.
+    template <class Of> Blocks(const Surfaces& surfaces, const std::vector<std::uint8_t>& charts, const Of& of) : surfaces_(surfaces) {
         std::size_t count = 0;
         for (const Chart& c : surfaces.charts) first_.push_back(count), count += std::size_t{across(c)} * ((c.height + kBlock - 1) / kBlock);
         hash_.resize(count);
         for (std::uint32_t l = 0; l < surfaces.luxels.size(); ++l) {
             const Luxel& luxel = surfaces.luxels[l];
+            if (!charts[luxel.chart.at()]) continue;
             std::uint64_t& hash = hash_[at(luxel.chart, luxel.x / kBlock, luxel.y / kBlock)];
             hash = chained(hash, of(l));
         }
@@ -376,24 +390,23 @@ void Bake::smooth() {
     const std::vector<std::uint8_t> stirred = luxels_within(kReads, [&](std::uint32_t l) { return luxel_patch_[l] != kNoPatch && new_[luxel_patch_[l]]; });
     new_.assign(n, 0);
     smoothed_.resize(luxels), left_.resize(luxels, 1), spike_.resize(luxels, kNotAsked), spread_variance_.resize(luxels);
+    std::vector<std::uint8_t> charts(surfaces_.charts.size()); // in which something is
     for (std::size_t l = 0; l < luxels; ++l)
-        if (stirred[l]) left_[l] = 1, spike_[l] = kNotAsked;
+        if (stirred[l]) left_[l] = 1, spike_[l] = kNotAsked, charts[surfaces_.luxels[l].chart.at()] = 1;
     // What was left to the rays of a patch: light of an emitter with rays of its own is not in what they gathered.
-    std::vector<std::uint64_t> left_to_rays;
-    for (const std::vector<LightRef>& list : lists_) {
-        std::uint64_t hash = 0;
-        for (const LightRef& ref : list)
-            if (ref.is_emitter) hash = mix(hash, ref.light + 1);
-        left_to_rays.push_back(hash);
-    }
+    std::vector<std::uint64_t> left_to_rays(n);
+    for (std::size_t p = 0; p < n; ++p)
+        for (const LightRef& ref : lists_[p])
+            if (ref.is_emitter) left_to_rays[p] = mix(left_to_rays[p], ref.light + 1);
     // What the luxels of a patch come to is a function of what those within reach gathered, and of which light was left to their rays.
     constexpr std::size_t kPart = 64;
     std::vector<std::uint64_t> keys(n);
     std::vector<std::uint8_t> asked(n); // patches whose luxels are drawn anew
+    stirred_.assign(n, 0);
     {
         std::optional<Blocks> blocks;
         if (memo_)
-            blocks.emplace(surfaces_, [&](std::uint32_t l) {
+            blocks.emplace(surfaces_, charts, [&](std::uint32_t l) {
                 const std::uint32_t p = luxel_patch_[l];
                 return gathered_there_[l] ? chained(gathered_hash_[p], left_to_rays[p]) : 0;
             });
@@ -401,6 +414,7 @@ void Bake::smooth() {
             for (auto p = static_cast<std::uint32_t>(part * kPart); p < std::min(n, (part + 1) * kPart); ++p) {
                 const std::span<const std::uint32_t> all = luxels_of(p);
                 if (std::ranges::none_of(all, [&](std::uint32_t l) { return stirred[l] && gathered_there_[l]; })) continue;
+                stirred_[p] = 1;
                 if (memo_) keys[p] = key_of(p, mix(table_.low, p, blocks->within(all, kReads)));
                 const auto kept = memo_ ? memo_->smooth.find(keys[p], {}) : std::nullopt;
                 if (!kept) {
@@ -410,7 +424,7 @@ void Bake::smooth() {
                 thread_local std::vector<Smoothed> now;
                 read_whole(*kept, now);
                 for (std::size_t k = 0; k < all.size(); ++k)
-                    if (gathered_there_[all[k]]) smoothed_[all[k]] = now[k].sum.sum(), left_[all[k]] = now[k].left, spread_variance_[all[k]] = now[k].spread_variance;
+                    if (gathered_there_[all[k]]) smoothed_[all[k]] = now[k].sum, left_[all[k]] = now[k].left, spread_variance_[all[k]] = now[k].spread_variance;
             }
         });
     }
@@ -418,13 +432,17 @@ void Bake::smooth() {
     if (std::ranges::none_of(asked, [](std::uint8_t a) { return a; })) return;
     const std::vector<std::uint8_t> read = luxels_within(kReads, drawn), spikes_read = luxels_within(kSpikesRead, drawn);
     const Neighbourhood around(surfaces_, luxel_patch_, beside_, gathered_there_, left_to_rays, read);
+    std::vector<std::uint32_t> slot(luxels, UINT32_MAX);
+    std::uint32_t slots = 0;
+    for (std::size_t l = 0; l < luxels; ++l)
+        if (read[l] && gathered_there_[l]) slot[l] = slots++;
     // Luminance of what is shown; its variance, summed over the normals, as its own rays tell it.
-    std::vector<std::array<double, 4>> shown(luxels);
-    std::vector<double> own_variance(luxels);
+    OfSome<std::array<double, 4>> shown(slot, slots);
+    OfSome<double> own_variance(slot, slots);
     each_gathered([&](std::uint32_t l) {
         if (!read[l]) return;
         const LuxelKernel kernel = kernel_of(l);
-        const std::array<Rgbd, 4> all = kernel.shown(gathered_[l]);
+        const std::array<Rgbd, 4> all = kernel.shown(gathered_[l].sum());
         for (std::size_t j = 0; j < kernel.shown_count(); ++j) shown[l][j] = mean(all[j]), own_variance[l] += gathered_variance_[l][j];
     });
     // Spikes are no less light for standing out, but as likely that of all around: they are spread, none is lost.
@@ -438,9 +456,12 @@ void Bake::smooth() {
         around.window(l, kSpikeReach, window);
         spike_[l] = static_cast<float>(excess_of_spike(window, [&](std::uint32_t q) { return shown[q][0]; }, std::sqrt(gathered_variance_[l][0])) / shown[l][0]);
     });
-    const Calmed calm(surfaces_, around, spike_, gathered_, own_variance);
+    std::vector<std::uint32_t> spikes;
+    for (std::uint32_t l = 0; l < luxels; ++l)
+        if (spikes_read[l] && gathered_there_[l] && spike_[l] > 0) spikes.push_back(l);
+    const Calmed calm(surfaces_, around, spike_, spikes, gathered_, own_variance, {slot, slots, UINT32_MAX}, {slot, slots});
     // Variance as the luxels around tell it, too: by its own alone a luxel that has met a bright spot would be moved far down, one that has missed it not at all up.
-    std::vector<double> variance(luxels), of_rays(luxels); // with spikes spread; as gathered
+    OfSome<double> variance(slot, slots), of_rays(slot, slots); // with spikes spread; as gathered
     each_gathered([&](std::uint32_t l) {
         if (!read[l]) return;
         if (calm.touched(l)) {
@@ -451,10 +472,10 @@ void Bake::smooth() {
         double sum = 0, rays = 0, count = 0;
         for (int dy = -1; dy <= 1; ++dy)
             for (int dx = -1; dx <= 1; ++dx)
-                if (const std::uint32_t q = around.near(l, dx, dy); q != UINT32_MAX && luxel_patch_[q] == luxel_patch_[l]) sum += calm.own_variance[q] + calm.brought_variance[q], rays += own_variance[q], ++count;
+                if (const std::uint32_t q = around.near(l, dx, dy); q != UINT32_MAX && read[q] && luxel_patch_[q] == luxel_patch_[l]) sum += calm.own_variance[q] + calm.brought_variance[q], rays += own_variance[q], ++count;
         variance[l] = sum / count, of_rays[l] = rays / count;
     });
-    const auto draw = [&]<std::size_t kValues>(std::uint32_t l) {
+    const auto draw = [&]<std::size_t kValues>(std::uint32_t l, KernelSum& light) {
         // Where nothing was met, by its rays or a spike's, light is none, not little.
         const bool dark = !(shown[l][0] > 0 || shown[l][1] > 0 || shown[l][2] > 0 || shown[l][3] > 0);
         if (dark || !(variance[l] > 0)) return;
@@ -509,8 +530,8 @@ void Bake::smooth() {
         double far = 0;
         for (const Pair& by : moved) far += by[0] * by[0] + by[1] * by[1];
         if (const double most = kFarthest * std::sqrt(variance[l]), way = share * std::sqrt(far); way > most) share *= most / way;
-        smoothed_[l] *= 1 - share;
-        smoothed_[l] += plane *= share;
+        light *= 1 - share;
+        light += plane *= share;
         left_[l] = share_left(best, of_rays[l]);
     };
     parallel_for(context_, slots_of(n, kPart), [&](std::size_t part) {
@@ -521,11 +542,12 @@ void Bake::smooth() {
             for (std::size_t k = 0; k < all.size(); ++k) {
                 const std::uint32_t l = all[k];
                 if (!gathered_there_[l]) continue;
-                smoothed_[l] = calm.sum(l), left_[l] = share_left(variance[l], of_rays[l]);
-                if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l);
-                else draw.template operator()<1>(l);
-                now[k] = {StoredSum(smoothed_[l]), left_[l], static_cast<float>(calm.brought_variance[l])};
-                smoothed_[l] = now[k].sum.sum(), spread_variance_[l] = now[k].spread_variance;
+                KernelSum light = calm.sum(l);
+                left_[l] = share_left(variance[l], of_rays[l]);
+                if (cones_[surfaces_.luxels[l].chart.at()]) draw.template operator()<4>(l, light);
+                else draw.template operator()<1>(l, light);
+                now[k] = {StoredSum(light), left_[l], static_cast<float>(calm.brought_variance[l])};
+                smoothed_[l] = now[k].sum, spread_variance_[l] = now[k].spread_variance;
             }
             if (memo_) memo_->smooth.keep(keys[p], {}, {}, to_bytes(now));
         }

@@ -53,18 +53,8 @@ SeamlessCube::SeamlessCube(const CubeImage& image) : size_(image.size), texels_(
                 int from = face;
                 double u = 0, v = 0; // past the edge: the texel of the neighbouring face in that direction
                 if (!inside) cube_texel(cube_direction(face, 2 * (x - 0.5) / n - 1, 2 * (y - 0.5) / n - 1), &from, &u, &v);
-                texels_[at(face, x, y)] = inside ? image.at(face, x - 1, y - 1) : image.at(from, index(u), index(v));
+                texels_[at(face, x, y)] = QuickLight(Rgbd(inside ? image.at(face, x - 1, y - 1) : image.at(from, index(u), index(v))));
             }
-}
-
-Rgbd SeamlessCube::bilinear(Vec3 direction) const {
-    int face = 0;
-    double u = 0, v = 0;
-    cube_texel(direction, &face, &u, &v);
-    const double n = size_, x = (u + 1) / 2 * n - 0.5, y = (v + 1) / 2 * n - 0.5, fx = std::floor(x), fy = std::floor(y), tx = x - fx, ty = y - fy;
-    const Rgb* t = &texels_[at(face, static_cast<std::uint32_t>(fx + 1), static_cast<std::uint32_t>(fy + 1))];
-    const Rgb* below = t + size_ + 2;
-    return (Rgbd(t[0]) * (1 - tx) + Rgbd(t[1]) * tx) * (1 - ty) + (Rgbd(below[0]) * (1 - tx) + Rgbd(below[1]) * tx) * ty;
 }
 
 CubeImage half_size(const CubeImage& image) {
@@ -144,6 +134,8 @@ std::vector<Rgb> prefilter(const CubeImage& rendered, std::uint32_t samples, Con
     for (std::uint32_t m = 1; m < mips; ++m) {
         const double roughness = double(m) / (mips - 1);
         const auto samples_of = lobe(roughness * roughness, std::max(samples, 1u), rendered.size);
+        double weight = 0;
+        for (const LobeSample& s : samples_of) weight += s.weight;
         CubeImage mip;
         mip.size = rendered.size >> m;
         mip.texels.resize(std::size_t(6) * mip.size * mip.size);
@@ -152,18 +144,18 @@ std::vector<Rgb> prefilter(const CubeImage& rendered, std::uint32_t samples, Con
             const auto j = static_cast<std::uint32_t>(row % mip.size);
             for (std::uint32_t i = 0; i < mip.size; ++i) {
                 const Frame frame = frame_around(texel_direction(mip.size, face, i, j));
-                Rgbd sum{};
-                double weight = 0;
+                QuickLight sum;
                 for (const LobeSample& s : samples_of) {
-                    const Vec3 l = frame.world(s.direction);
+                    int at = 0;
+                    double u = 0, v = 0;
+                    cube_texel(frame.world(s.direction), &at, &u, &v);
                     const double lod = std::min(s.lod, double(levels.size() - 1));
                     const auto fine = static_cast<std::size_t>(lod);
                     const double t = lod - double(fine);
-                    Rgbd value = levels[fine].bilinear(l);
-                    if (t > 0) value = value * (1 - t) + levels[fine + 1].bilinear(l) * t;
-                    sum += value * s.weight, weight += s.weight;
+                    sum += levels[fine].bilinear(at, u, v) * (s.weight * (1 - t));
+                    if (t > 0) sum += levels[fine + 1].bilinear(at, u, v) * (s.weight * t);
                 }
-                mip.at(face, i, j) = Rgb(sum / weight);
+                mip.at(face, i, j) = Rgb(static_cast<Rgbd>(sum) / weight);
             }
         });
         out.insert(out.end(), mip.texels.begin(), mip.texels.end());

@@ -7,7 +7,7 @@ ProbeScene scene_of(const Surfaces& surfaces, const LightField& field) {
     ProbeScene scene;
     const TraceScene& trace = field.scene();
     constexpr double kWidth = 2.0 / 256; // of a ray, a unit of way: two a side in the texels of a face of 128
-    scene.radiance = [&field](Vec3 origin, Vec3 direction) { return field.radiance(origin, direction, nullptr, kWidth); };
+    scene.radiance = [&field](Vec3 origin, std::span<const Vec3> directions, std::span<Rgb> out) { field.radiance(origin, directions, out, kWidth); };
     scene.closest = [&surfaces, &trace](Vec3 origin, Vec3 direction) -> std::optional<ProbeHit> {
         const auto hit = trace.closest(origin, direction);
         if (!hit) return std::nullopt;

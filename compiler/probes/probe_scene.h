@@ -2,6 +2,7 @@
 #pragma once
 #include "compiler/probes/cubemap.h"
 #include <functional>
+#include <span>
 
 namespace kiln::probes {
 
@@ -11,7 +12,7 @@ struct ProbeHit {
     bool sky = false, back = false;
 };
 struct ProbeScene {
-    std::function<Rgb(Vec3 origin, Vec3 unit_direction)> radiance;
+    std::function<void(Vec3 origin, std::span<const Vec3> unit_directions, std::span<Rgb> out)> radiance;
     std::function<std::optional<ProbeHit>(Vec3 origin, Vec3 unit_direction)> closest;
     std::function<bool(Vec3 from, Vec3 to)> clear;
 };

@@ -1,4 +1,5 @@
 // The stage: places, renders, fits, assigns.
+#include "compiler/light/memo.h"
 #include "compiler/probes/probe_scene.h"
 #include "libs/core/check.h"
 #include "libs/core/hash.h"
@@ -14,6 +15,11 @@ namespace {
 using namespace kiln::probes;
 
 constexpr int kLargestSizeKey = 10; // 512 texels
+
+struct Assigned { // probes, per face and leaf
+    std::vector<std::uint32_t> face, leaf;
+    template <class A> void fields(A& a) { a(face, leaf); }
+};
 
 std::uint32_t size_of(const World& world, EntityId e, const ProbesOptions& options, Context& context) {
     const auto standard = std::bit_floor(std::clamp(options.default_size, 1u, 4096u));
@@ -88,12 +94,17 @@ Receiver receiver_of(const Bsp& bsp, const PlaneTable& planes, std::uint32_t l) 
 } // namespace
 
 Result<Probes> bake_probes(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
-                           const LightField& field, const ProbesOptions& options, Context& context) {
+                           const LightField& field, const ProbesOptions& options, Context& context, Memo* memo) {
+    if (memo) memo->begin();
     const ProbeScene scene = scene_of(surfaces, field);
     Probes out;
     out.face_probe.assign(surfaces.faces.size(), UINT32_MAX);
     out.leaf_probe.assign(bsp.leaves.size(), UINT32_MAX);
     std::vector<std::uint32_t> leaf_of_probe;
+    const auto nothing = [&] {
+        if (memo) memo->end();
+        return out;
+    };
     const auto open_leaf = [&](Vec3 p) {
         const LeafId leaf = leaf_at(bsp, planes, p);
         return leaf.valid() && leaf.at() < bsp.leaves.size() && is_open(bsp.leaves[leaf.at()]) ? leaf.value : UINT32_MAX;
@@ -132,9 +143,9 @@ Result<Probes> bake_probes(const World& world, const Bsp& bsp, const PlaneTable&
         bool reflective = false;
         for (const Face& face : surfaces.faces)
             reflective = reflective || (face.drawn && face.material.valid() && world.materials[face.material.at()].env_map > 0);
-        if (!reflective) return out;
+        if (!reflective) return nothing();
         const auto place = default_place(world, bsp, planes, scene);
-        if (!place) return out;
+        if (!place) return nothing();
         add(*place, EntityId{}, std::bit_floor(std::clamp(options.default_size, 1u, 4096u)), open_leaf(*place));
     }
     for (std::size_t k = 0; k < out.probes.size(); ++k) {
@@ -148,28 +159,37 @@ Result<Probes> bake_probes(const World& world, const Bsp& bsp, const PlaneTable&
         if (const auto box = fit_box(scene, probe.position)) probe.boxed = true, probe.box = *box;
         context.say("probes", double(k + 1) / double(out.probes.size()));
     }
-    std::vector<std::vector<double>> ways(out.probes.size());
-    parallel_for(context, out.probes.size(),
-                 [&](std::size_t k) { ways[k] = ways_from(bsp, leaf_of_probe[k], out.probes[k].position); });
-    const auto way = [&](std::uint32_t k, std::uint32_t leaf) { return ways[k][leaf]; };
-    parallel_for(context, surfaces.faces.size(), [&](std::size_t f) {
-        const Face& face = surfaces.faces[f];
-        if (!face.drawn || face.sky || face.triangle_count == 0) return;
-        Receiver receiver = receiver_of(surfaces, face, bsp, planes);
-        if (face.side.valid() && world.format == MapFormat::vmf) // only there have sides ids of their own
-            if (const auto at = named.find(world.sides[face.side.at()].id); at != named.end()) {
-                double nearest = 1e300;
-                for (const std::uint32_t k : at->second) { // several may name a side: the nearest
-                    const Vec3 d = out.probes[k].position - receiver.points[0];
-                    if (dot(d, d) < nearest) nearest = dot(d, d), receiver.explicit_probe = k;
+    // Which of them a place takes depends on where they are and on geometry alone.
+    ByteWriter places;
+    for (const Probe& p : out.probes) places(p.position, p.boxed, p.box);
+    const auto assigned = known_or<Assigned>(memo, hash_bytes(places.bytes).low, [&] {
+        Assigned of{std::vector<std::uint32_t>(surfaces.faces.size(), UINT32_MAX), std::vector<std::uint32_t>(bsp.leaves.size(), UINT32_MAX)};
+        std::vector<std::vector<double>> ways(out.probes.size());
+        parallel_for(context, out.probes.size(),
+                     [&](std::size_t k) { ways[k] = ways_from(bsp, leaf_of_probe[k], out.probes[k].position); });
+        const auto way = [&](std::uint32_t k, std::uint32_t leaf) { return ways[k][leaf]; };
+        parallel_for(context, surfaces.faces.size(), [&](std::size_t f) {
+            const Face& face = surfaces.faces[f];
+            if (!face.drawn || face.sky || face.triangle_count == 0) return;
+            Receiver receiver = receiver_of(surfaces, face, bsp, planes);
+            if (face.side.valid() && world.format == MapFormat::vmf) // only there have sides ids of their own
+                if (const auto at = named.find(world.sides[face.side.at()].id); at != named.end()) {
+                    double nearest = 1e300;
+                    for (const std::uint32_t k : at->second) { // several may name a side: the nearest
+                        const Vec3 d = out.probes[k].position - receiver.points[0];
+                        if (dot(d, d) < nearest) nearest = dot(d, d), receiver.explicit_probe = k;
+                    }
                 }
-            }
-        out.face_probe[f] = choose_probe(scene, out.probes, receiver, way);
+            of.face[f] = choose_probe(scene, out.probes, receiver, way);
+        });
+        parallel_for(context, bsp.leaves.size(), [&](std::size_t l) {
+            if (!is_open(bsp.leaves[l]) || bsp.leaves[l].bounds.empty()) return;
+            of.leaf[l] = choose_probe(scene, out.probes, receiver_of(bsp, planes, static_cast<std::uint32_t>(l)), way);
+        });
+        return of;
     });
-    parallel_for(context, bsp.leaves.size(), [&](std::size_t l) {
-        if (!is_open(bsp.leaves[l]) || bsp.leaves[l].bounds.empty()) return;
-        out.leaf_probe[l] = choose_probe(scene, out.probes, receiver_of(bsp, planes, static_cast<std::uint32_t>(l)), way);
-    });
+    out.face_probe = assigned.face, out.leaf_probe = assigned.leaf;
+    if (memo) memo->end();
     return out;
 }
 

@@ -22,6 +22,8 @@
 
 namespace kiln {
 
+class Memo;
+
 struct ProbesOptions {
     std::uint32_t default_size = 64;   // texels along an edge; entity key cubemapsize: n -> 2^(n-1), 0: default
     std::uint32_t prefilter_samples = 64; // per texel
@@ -45,7 +47,7 @@ struct Probes {
     template <class A> void fields(A& a) { a(probes, face_probe, leaf_probe); }
 };
 Result<Probes> bake_probes(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
-                           const LightField& field, const ProbesOptions& options, Context& context);
+                           const LightField& field, const ProbesOptions& options, Context& context, Memo* memo = nullptr);
 void validate(const Probes& probes);
 Vec3 cube_direction(int face, double u, double v);          // u, v in [-1,1]; not normalised
 void cube_texel(Vec3 direction, int* face, double* u, double* v); // inverse of cube_direction

@@ -14,16 +14,23 @@ CubeImage render(const ProbeScene& scene, Vec3 position, std::uint32_t size, std
     parallel_for(context, "probes", std::size_t(6) * size, [&](std::size_t row) {
         const int face = static_cast<int>(row / size);
         const auto j = static_cast<std::uint32_t>(row % size);
-        for (std::uint32_t i = 0; i < size; ++i) {
-            Rgbd sum{};
-            double weight = 0;
+        // All rays of a row of texels together: they lie close to each other.
+        std::vector<Vec3> directions;
+        std::vector<double> weights;
+        for (std::uint32_t i = 0; i < size; ++i)
             for (std::uint32_t s = 0; s < k * k; ++s) {
                 const std::uint64_t h = mix(seed, std::uint64_t(row), std::uint64_t(i), std::uint64_t(s));
                 const double jx = double(h >> 40) * 0x1p-24, jy = double(h & 0xFFFFFF) * 0x1p-24;
                 const double u = 2 * (i + (s % k + jx) / k) / size - 1, v = 2 * (j + (s / k + jy) / k) / size - 1;
-                const double w = std::pow(1 + u * u + v * v, -1.5);
-                sum += Rgbd(scene.radiance(position, normalize(cube_direction(face, u, v)))) * w, weight += w;
+                const double r2 = 1 + u * u + v * v;
+                directions.push_back(normalize(cube_direction(face, u, v))), weights.push_back(1 / (r2 * std::sqrt(r2)));
             }
+        std::vector<Rgb> radiance(directions.size());
+        scene.radiance(position, directions, radiance);
+        for (std::uint32_t i = 0; i < size; ++i) {
+            Rgbd sum{};
+            double weight = 0;
+            for (std::size_t r = i * k * k; r < (i + 1) * k * k; ++r) sum += Rgbd(radiance[r]) * weights[r], weight += weights[r];
             image.at(face, i, j) = Rgb(sum / weight);
         }
     });

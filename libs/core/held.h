@@ -13,6 +13,7 @@ public:
     Held(std::span<const T> of, std::shared_ptr<const void> keeper) : of_(of), keeper_(std::move(keeper)) {}
     const T& operator[](std::size_t i) const { return of_[i]; }
     std::size_t size() const { return of_.size(); }
+    bool empty() const { return of_.empty(); }
     auto begin() const { return of_.begin(); }
     auto end() const { return of_.end(); }
     // As a vector is written. To read it where it lies: ByteReader::view.

@@ -14,7 +14,7 @@ struct Header {
     Hash key, content;      // content: of the uncompressed bytes
 };
 static_assert(sizeof(Header) == 56);
-constexpr int kLevel = 1; // read back soon: speed over size
+constexpr int kLevel = -5; // of zstd, below its usual ones: written and read back soon, twice as fast as 1 for half as many bytes more
 
 } // namespace
 

@@ -139,10 +139,18 @@ TEST(Patches, ValuesAtLuxelsAreLinear) {
     const PatchTable table = build_patches(b.world, s, edges, 64);
     std::vector<std::uint32_t> luxel_patch;
     for (const Luxel& l : s.luxels) luxel_patch.push_back(table.piece_patch[l.first_piece]);
+    Context context;
+    const auto at_luxels = [&](const PatchTable& of, const std::vector<Rgbd>& values) {
+        const std::size_t n = of.patches.size();
+        const Grouped luxels(n, [&](const auto& add) {
+            for (std::uint32_t l = 0; l < luxel_patch.size(); ++l) add(luxel_patch[l], l);
+        });
+        return values_at_luxels(s, neighbours_of(touching_patches(edges, of), n), luxels, values, context);
+    };
     const auto linear = [](Vec3 x) { return Rgbd{5000 + x.x + 2 * x.y - 3 * x.z, 9000 - x.y, 4000}; };
     std::vector<Rgbd> values;
     for (const Patch& p : table.patches) values.push_back(linear(p.centroid));
-    const std::vector<Rgbd> out = values_at_luxels(s, touching_patches(edges, table), table, luxel_patch, values);
+    const std::vector<Rgbd> out = at_luxels(table, values);
     std::size_t looked_at = 0;
     for (std::size_t l = 0; l < s.luxels.size(); ++l) {
         const Chart& chart = s.charts[s.luxels[l].chart.at()];
@@ -154,7 +162,7 @@ TEST(Patches, ValuesAtLuxelsAreLinear) {
     EXPECT_GT(looked_at, 100u);
     std::vector<Rgbd> steep(values.size());
     for (std::size_t p = 0; p < steep.size(); ++p) steep[p] = p % 3 ? Rgbd{} : Rgbd{1, 7, 1e6};
-    const std::vector<Rgbd> sharp = values_at_luxels(s, touching_patches(edges, table), table, luxel_patch, steep);
+    const std::vector<Rgbd> sharp = at_luxels(table, steep);
     std::vector<Rgbd> sum(values.size());
     std::vector<double> area(values.size());
     for (std::size_t l = 0; l < sharp.size(); ++l) {
@@ -167,7 +175,7 @@ TEST(Patches, ValuesAtLuxelsAreLinear) {
     for (std::size_t l = 0; l < s.luxels.size(); ++l) luxel_patch[l] = faces.piece_patch[s.luxels[l].first_piece];
     std::vector<Rgbd> alone;
     for (std::size_t p = 0; p < faces.patches.size(); ++p) alone.push_back(Rgbd{1.0 * static_cast<double>(p), 2, 3});
-    const std::vector<Rgbd> flat = values_at_luxels(s, touching_patches(edges, faces), faces, luxel_patch, alone);
+    const std::vector<Rgbd> flat = at_luxels(faces, alone);
     for (std::size_t l = 0; l < flat.size(); ++l) EXPECT_EQ(flat[l], alone[luxel_patch[l]]);
 }
 

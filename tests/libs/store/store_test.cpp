@@ -17,7 +17,7 @@ struct Folder { // a fresh folder that goes away with the test
 };
 const Bytes kValue = [] {
     Bytes b(10000);
-    for (std::size_t i = 0; i < b.size(); ++i) b[i] = static_cast<std::uint8_t>(mix(i) & 15);
+    for (std::size_t i = 0; i < b.size(); ++i) b[i] = static_cast<std::uint8_t>(mix(i / 16) & 15);
     return b;
 }();
 
