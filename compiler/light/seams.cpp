@@ -687,7 +687,7 @@ void Matching::run(const TraceScene& scene, Context& context, Memo* memo) {
         std::call_once(once, [&] { made.emplace(s_, index_, kDensity); });
         return *made;
     };
-    const std::uint64_t key = memo ? mix(hash_of(scene.instruction_set()).low, KeyOf::seams, hash_bytes(raw_bytes(s_.luxels)).low, hash_bytes(raw_bytes(light_.valid)).low, std::bit_cast<std::uint64_t>(kDensity)) : 0;
+    const std::uint64_t key = memo ? mix(hash_of(scene.instruction_set()).low, KeyOf::seams, static_cast<std::uint64_t>(light_.encoding), hash_bytes(raw_bytes(s_.luxels)).low, hash_bytes(raw_bytes(light_.valid)).low, std::bit_cast<std::uint64_t>(kDensity)) : 0;
     const auto parts = known_or<std::vector<std::vector<SeamPlace>>>(memo, key, [&] { return apart(points(), scene, context); });
     const std::vector<std::uint64_t> states = memo ? texel_states(context) : std::vector<std::uint64_t>{};
     // All from what was baked; nothing is written before all are done, for they look beyond their own texels.
