@@ -313,19 +313,21 @@ void Bake::far_light(const Rows& rows, const PatchTable& table, const Grouped& p
         });
         return out;
     });
+    std::vector<double> areas(m); // where there is none, 1
     std::vector<Rgb> reflected(m);
-    for (std::size_t c = 0; c < m; ++c) {
-        double area = 0;
-        Rgbd sum;
-        for (const std::uint32_t p : parts[c]) sum += static_cast<Rgbd>(light->patch[p]) * patches_.patches[p].area, area += patches_.patches[p].area;
-        if (area > 0) reflected[c] = static_cast<Rgb>(sum / area);
-    }
+    parallel_chunks(context_, m, kChunk, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t c = begin; c < end; ++c) {
+            Rgbd sum;
+            for (const std::uint32_t p : parts[c]) sum += static_cast<Rgbd>(light->patch[p]) * patches_.patches[p].area, areas[c] += patches_.patches[p].area;
+            if (!(areas[c] > 0)) areas[c] = 1;
+            reflected[c] = static_cast<Rgb>(sum / areas[c]);
+        }
+    });
     const bool of_patches = patches_shine();
     parallel_chunks(context_, m, kChunk, [&](std::size_t begin, std::size_t end) {
         for (std::size_t c = begin; c < end; ++c) {
-            double area = 0, count = 0; // of the row, all parts together
-            for (const std::uint32_t p : parts[c]) area += patches_.patches[p].area;
-            if (!(area > 0)) area = 1;
+            const double area = areas[c];
+            double count = 0; // share of the row, all parts together
             Rgbd met;
             const auto shines = [&](std::uint32_t p, std::uint32_t code, double share) {
                 if (const std::uint32_t e = emitter_of(code); e != UINT32_MAX && !listed(p, e)) met += emitters_.emitters[e].radiance * share;
@@ -501,7 +503,8 @@ Lighting Bake::run() {
     out_.rnm.resize(rnm);
 
     if (memo_) open_memo();
-    luxel_rounding_ = luxel_numbers<double>(kRounding), luxel_draw_ = luxel_numbers<std::uint64_t>(kDraw);
+    luxel_draw_ = luxel_seeds(kDraw);
+    for (const std::uint64_t seed : luxel_seeds(kRounding)) luxel_rounding_.push_back(Random(seed)());
     make_patches();
     std::vector<Rgbd> total = solve_patches();
     const double target = options_.error_percent / 100;

@@ -167,7 +167,7 @@ template <class T> std::vector<T> joined(std::vector<std::vector<T>>& slots) {
 }
 
 // What keys of memos are for.
-enum class KeyOf : std::uint64_t { patches = 1, neighbours, beside, numbers, tests, far, clusters, place, seams, matched };
+enum class KeyOf : std::uint64_t { patches = 1, neighbours, beside, seeds, tests, far, clusters, place, seams, matched };
 
 constexpr double kQuarterSpread = 1.35; // quarters of a sequence scatter more than its whole promises
 constexpr std::uint32_t kReplicates = 4;
@@ -217,7 +217,7 @@ private:
         return kiln::known_or<T>(memo_ ? &memo_->lights : nullptr, key, make);
     }
     const PieceEdges& edges() const;
-    template <class T> std::vector<T> luxel_numbers(std::uint64_t pass) const;
+    std::vector<std::uint64_t> luxel_seeds(std::uint64_t pass) const;
     PatchTable patches_of(double h) const; // of that size
     TouchingPatches touching(const PatchTable& table, Hash name) const;
     bool load_rows();

@@ -184,8 +184,8 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
     std::once_flag once;
     const auto closely = [&]() -> const ReflectedLight& {
         std::call_once(once, [&] {
-            close = reflected_;
-            if (!rough) std::ranges::fill(close->steep, std::uint8_t{1});
+            close.emplace();
+            if (!rough) *close = reflected_, std::ranges::fill(close->steep, std::uint8_t{1});
         });
         return *close;
     };

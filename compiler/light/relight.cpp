@@ -54,22 +54,16 @@ const PieceEdges& Bake::edges() const {
     return *edges_;
 }
 
-// Random numbers of the luxels, by their places.
-template <class T> std::vector<T> Bake::luxel_numbers(std::uint64_t pass) const {
-    return known_or<std::vector<T>>(mix(geometry_, KeyOf::numbers, pass), [&] {
-        std::vector<T> out(surfaces_.luxels.size());
+// Of the luxels, by their places.
+std::vector<std::uint64_t> Bake::luxel_seeds(std::uint64_t pass) const {
+    return known_or<std::vector<std::uint64_t>>(mix(geometry_, KeyOf::seeds, pass), [&] {
+        std::vector<std::uint64_t> out(surfaces_.luxels.size());
         parallel_chunks(context_, out.size(), 1024, [&](std::size_t begin, std::size_t end) {
-            for (std::size_t l = begin; l < end; ++l) {
-                const std::uint64_t seed = seed_at(luxel_centroid(surfaces_.luxels[l]), pass);
-                if constexpr (std::is_same_v<T, double>) out[l] = Random(seed)();
-                else out[l] = seed;
-            }
+            for (std::size_t l = begin; l < end; ++l) out[l] = seed_at(luxel_centroid(surfaces_.luxels[l]), pass);
         });
         return out;
     });
 }
-template std::vector<double> Bake::luxel_numbers(std::uint64_t) const;
-template std::vector<std::uint64_t> Bake::luxel_numbers(std::uint64_t) const;
 
 PatchTable Bake::patches_of(double h) const {
     ByteWriter w;

@@ -248,9 +248,7 @@ std::vector<SeamPlace> SeamPoints::open(const std::vector<std::uint8_t>& valid, 
             if (const SeamPoint p = point(*e, j, false); goes_on(p, valid, scene))
                 places[i].push_back({static_cast<std::uint32_t>(i), j, torn(p, 0, valid, scene) || torn(p, 1, valid, scene)});
     });
-    std::vector<SeamPlace> out;
-    for (const auto& some : places) out.insert(out.end(), some.begin(), some.end());
-    return out;
+    return joined(places);
 }
 
 // What a row of the fit asks: the sum of weight * texel, both sides together, to be 0.

@@ -208,15 +208,19 @@ template <class V> double excess_of_spike(const Neighbourhood::Window& window, c
     return 6 * alike <= others && excess > kStandsOut * median(away) && excess < kRaysApart * noise ? excess : 0;
 }
 
-// A value for some of the luxels.
+// Some of the luxels, and a value for each of them.
+struct Slots {
+    std::vector<std::uint32_t> of; // per luxel; UINT32_MAX: none
+    std::uint32_t count = 0;
+};
 template <class T> class OfSome {
 public:
-    OfSome(const std::vector<std::uint32_t>& slot, std::size_t count, const T& value = {}) : slot_(slot), value_(count, value) {}
-    T& operator[](std::uint32_t l) { return value_[slot_[l]]; }
-    const T& operator[](std::uint32_t l) const { return value_[slot_[l]]; }
+    explicit OfSome(const Slots& slots, const T& value = {}) : slots_(slots), value_(slots.count, value) {}
+    T& operator[](std::uint32_t l) { return value_[slots_.of[l]]; }
+    const T& operator[](std::uint32_t l) const { return value_[slots_.of[l]]; }
 
 private:
-    const std::vector<std::uint32_t>& slot_; // per luxel; UINT32_MAX: none
+    const Slots& slots_;
     std::vector<T> value_;
 };
 
@@ -224,8 +228,8 @@ private:
 class Calmed {
 public:
     Calmed(const Surfaces& surfaces, const Neighbourhood& around, const std::vector<float>& spike, std::span<const std::uint32_t> spikes, const std::vector<StoredSum>& gathered, const OfSome<double>& variance,
-           const OfSome<std::uint32_t>& nowhere, const OfSome<double>& none)
-        : own_variance(variance), brought_variance(none), gathered_(gathered), at_(nowhere) {
+           const Slots& slots)
+        : own_variance(variance), brought_variance(slots), gathered_(gathered), at_(slots, UINT32_MAX) {
         for (const std::uint32_t l : spikes) spread(surfaces, around, spike, variance, l);
     }
     bool touched(std::uint32_t l) const { return at_[l] != UINT32_MAX; }
@@ -432,13 +436,12 @@ void Bake::smooth() {
     if (std::ranges::none_of(asked, [](std::uint8_t a) { return a; })) return;
     const std::vector<std::uint8_t> read = luxels_within(kReads, drawn), spikes_read = luxels_within(kSpikesRead, drawn);
     const Neighbourhood around(surfaces_, luxel_patch_, beside_, gathered_there_, left_to_rays, read);
-    std::vector<std::uint32_t> slot(luxels, UINT32_MAX);
-    std::uint32_t slots = 0;
+    Slots slots{std::vector<std::uint32_t>(luxels, UINT32_MAX)};
     for (std::size_t l = 0; l < luxels; ++l)
-        if (read[l] && gathered_there_[l]) slot[l] = slots++;
+        if (read[l] && gathered_there_[l]) slots.of[l] = slots.count++;
     // Luminance of what is shown; its variance, summed over the normals, as its own rays tell it.
-    OfSome<std::array<double, 4>> shown(slot, slots);
-    OfSome<double> own_variance(slot, slots);
+    OfSome<std::array<double, 4>> shown(slots);
+    OfSome<double> own_variance(slots);
     each_gathered([&](std::uint32_t l) {
         if (!read[l]) return;
         const LuxelKernel kernel = kernel_of(l);
@@ -459,9 +462,9 @@ void Bake::smooth() {
     std::vector<std::uint32_t> spikes;
     for (std::uint32_t l = 0; l < luxels; ++l)
         if (spikes_read[l] && gathered_there_[l] && spike_[l] > 0) spikes.push_back(l);
-    const Calmed calm(surfaces_, around, spike_, spikes, gathered_, own_variance, {slot, slots, UINT32_MAX}, {slot, slots});
+    const Calmed calm(surfaces_, around, spike_, spikes, gathered_, own_variance, slots);
     // Variance as the luxels around tell it, too: by its own alone a luxel that has met a bright spot would be moved far down, one that has missed it not at all up.
-    OfSome<double> variance(slot, slots), of_rays(slot, slots); // with spikes spread; as gathered
+    OfSome<double> variance(slots), of_rays(slots); // with spikes spread; as gathered
     each_gathered([&](std::uint32_t l) {
         if (!read[l]) return;
         if (calm.touched(l)) {

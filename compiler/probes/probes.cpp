@@ -95,16 +95,11 @@ Receiver receiver_of(const Bsp& bsp, const PlaneTable& planes, std::uint32_t l) 
 
 Result<Probes> bake_probes(const World& world, const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces,
                            const LightField& field, const ProbesOptions& options, Context& context, Memo* memo) {
-    if (memo) memo->begin();
     const ProbeScene scene = scene_of(surfaces, field);
     Probes out;
     out.face_probe.assign(surfaces.faces.size(), UINT32_MAX);
     out.leaf_probe.assign(bsp.leaves.size(), UINT32_MAX);
     std::vector<std::uint32_t> leaf_of_probe;
-    const auto nothing = [&] {
-        if (memo) memo->end();
-        return out;
-    };
     const auto open_leaf = [&](Vec3 p) {
         const LeafId leaf = leaf_at(bsp, planes, p);
         return leaf.valid() && leaf.at() < bsp.leaves.size() && is_open(bsp.leaves[leaf.at()]) ? leaf.value : UINT32_MAX;
@@ -143,9 +138,9 @@ Result<Probes> bake_probes(const World& world, const Bsp& bsp, const PlaneTable&
         bool reflective = false;
         for (const Face& face : surfaces.faces)
             reflective = reflective || (face.drawn && face.material.valid() && world.materials[face.material.at()].env_map > 0);
-        if (!reflective) return nothing();
+        if (!reflective) return out;
         const auto place = default_place(world, bsp, planes, scene);
-        if (!place) return nothing();
+        if (!place) return out;
         add(*place, EntityId{}, std::bit_floor(std::clamp(options.default_size, 1u, 4096u)), open_leaf(*place));
     }
     for (std::size_t k = 0; k < out.probes.size(); ++k) {
@@ -162,8 +157,9 @@ Result<Probes> bake_probes(const World& world, const Bsp& bsp, const PlaneTable&
     // Which of them a place takes depends on where they are and on geometry alone.
     ByteWriter places;
     for (const Probe& p : out.probes) places(p.position, p.boxed, p.box);
+    if (memo) memo->begin();
     const auto assigned = known_or<Assigned>(memo, hash_bytes(places.bytes).low, [&] {
-        Assigned of{std::vector<std::uint32_t>(surfaces.faces.size(), UINT32_MAX), std::vector<std::uint32_t>(bsp.leaves.size(), UINT32_MAX)};
+        Assigned of{out.face_probe, out.leaf_probe}; // none yet
         std::vector<std::vector<double>> ways(out.probes.size());
         parallel_for(context, out.probes.size(),
                      [&](std::size_t k) { ways[k] = ways_from(bsp, leaf_of_probe[k], out.probes[k].position); });
