@@ -80,7 +80,7 @@ Hash smoothing_key(const World& world) { // keys of entities that steer surfaces
     ByteWriter w;
     for (const WorldBrush& b : world.brushes) {
         const WorldEntity& e = world.entities[b.entity.at()];
-        for (const char* key : {"_phong", "_phong_angle", "_phong_angle_concave", "_phong_group"}) w(std::string(e.get(key)));
+        for (const char* key : {"_phong", "_phong_angle", "_phong_angle_concave", "_phong_group", "_shadow", "vrad_brush_cast_shadows", "rendermode", "renderamt", "alpha", "_alpha"}) w(std::string(e.get(key)));
     }
     return hash_bytes(w.bytes);
 }
@@ -313,7 +313,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.portals = vis_portals(out.bsp);
     if (done(Stage::bsp)) return true;
 
-    const auto surfaces = stages.run(Stage::surfaces, 10, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
+    const auto surfaces = stages.run(Stage::surfaces, 11, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;

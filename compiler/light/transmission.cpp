@@ -1,6 +1,7 @@
 // Light through panes.
 #include "compiler/light/transmission.h"
 #include "compiler/light/bake.h"
+#include "compiler/world/panes.h"
 #include "libs/core/check.h"
 #include <limits>
 #include <map>
@@ -11,26 +12,6 @@ namespace {
 constexpr double kLeastCosine = 0.02; // a bundle that grazes a pane is not stretched without bound
 constexpr double kPointTexels = 1e-3; // rectangles smaller than this are points: their sums would be rounding
 
-// As the games have it: `alpha` and `_alpha` of Quake and its heirs, `rendermode` with `renderamt` of Half-Life and Source.
-double entity_opacity(const WorldEntity& e, MapFormat format) {
-    switch (static_cast<int>(e.number("rendermode", 0))) {
-    case 1: case 2: return std::clamp(e.number("renderamt", 255) / 255, 0.0, 1.0);
-    case 5: case 10: return 0; // adds its light to what is behind; is not drawn
-    default: break;
-    }
-    if (format == MapFormat::vmf) return 1;
-    const double alpha = e.number("alpha", 0); // 0: the key is not set
-    if (alpha > 0) return std::min(alpha, 1.0);
-    return e.get("_alpha").empty() ? 1 : std::clamp(e.number("_alpha", 1), 0.0, 1.0);
-}
-bool casts(const WorldEntity& e, bool model) {
-    const double asked = e.number("_shadow", 0);
-    return model ? asked == 1 || e.number("vrad_brush_cast_shadows", 0) == 1 : asked != -1;
-}
-bool thin(const Material& m) { return (m.flags & (kTranslucent | kAlphaTested)) || m.alpha < 1; }
-// Of glass of which nothing but that is known, all light passes.
-bool stated(const Material& m) { return m.alpha_stated || m.alpha < 1 || !m.opacity_map.empty(); }
-bool solid(Contents c) { return c == Contents::solid || c == Contents::detail; }
 bool liquid(Contents c) { return c == Contents::water || c == Contents::slime || c == Contents::lava; }
 
 } // namespace
@@ -88,7 +69,7 @@ PaneSkin::PaneSkin(const Material& m, double opacity) : alpha_(std::clamp(m.alph
         coloured_ = !map.tint.empty();
     }
     const auto all = [&](std::uint8_t value) { return !mapped_ || std::ranges::all_of(map.opacity, [&](std::uint8_t t) { return t == value; }); };
-    opaque_ = alpha_ >= 1 && all(255);
+    opaque_ = opaque_pane(m, opacity);
     clear_ = alpha_ <= 0 || (mapped_ && all(0) && !coloured_ && tint_ == Rgbd{1, 1, 1});
     if (!mapped_ || opaque_ || clear_) return;
     opacity_ = TexelSums(map.width, map.height, map.opacity);
@@ -129,26 +110,23 @@ Panes::~Panes() {
 Panes::OfFace Panes::of_face(const Face& face, std::vector<std::pair<std::uint32_t, double>>& skins) {
     if (!face.drawn || face.sky || !face.material.valid()) return {};
     const Material& m = world_.materials[face.material.at()];
-    const WorldEntity* entity = nullptr;
     const WorldBrush* brush = nullptr;
-    bool model = false, walls = false;
+    std::optional<double> opacity;
     if (face.curved() && surfaces_.curves[face.curve].kind == Curve::patch) {
         const WorldPatch& patch = world_.patches[surfaces_.curves[face.curve].source];
-        entity = &world_.entities[patch.entity.at()], model = patch.model.value != 0;
+        opacity = pane_opacity(world_, m, patch.entity, patch.model.value != 0, false);
     } else if (face.side.valid() && !world_.brushes.empty()) {
         brush = &world_.brushes[world_.brush_of(face.side).at()];
-        model = brush->model.value != 0, walls = solid(brush->contents) && !model;
-        if (brush->entity.valid()) entity = &world_.entities[brush->entity.at()];
+        opacity = pane_opacity(world_, m, *brush);
+    } else {
+        opacity = pane_opacity(world_, m, {}, false, false);
     }
-    // What hides the world behind it cannot be seen through.
-    const double of_entity = entity && !walls && entity != world_.entities.data() ? entity_opacity(*entity, world_.format) : 1;
-    if (!(thin(m) && stated(m)) && of_entity >= 1) return {};
-    if (entity && !casts(*entity, model)) return {};
+    if (!opacity) return {};
     OfFace out;
-    const std::pair wanted{face.material.value, of_entity};
+    const std::pair wanted{face.material.value, *opacity};
     const auto known = std::ranges::find(skins, wanted);
     out.skin = static_cast<std::uint32_t>(known - skins.begin());
-    if (known == skins.end()) skins.push_back(wanted), skins_.emplace_back(m, of_entity);
+    if (known == skins.end()) skins.push_back(wanted), skins_.emplace_back(m, *opacity);
     const PaneSkin& skin = skins_[out.skin];
     out.kind = skin.opaque() ? Kind::blocks : skin.clear() ? Kind::clear : Kind::pane;
     if (out.kind != Kind::pane || face.curved() || !brush || liquid(brush->contents)) return out;
@@ -165,8 +143,7 @@ Panes::OfFace Panes::of_face(const Face& face, std::vector<std::pair<std::uint32
     for (std::uint32_t s = brush->first_side; s < brush->first_side + brush->side_count; ++s)
         if (const double cosine = dot(own, normal(s)); cosine < least) least = cosine, opposite = s;
     const Material& other = world_.materials[world_.sides[opposite].material.at()];
-    constexpr std::uint32_t kTools = kSky | kNoDraw | kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible;
-    out.clad = !(other.flags & kTools) && ((thin(other) && stated(other)) || of_entity < 1);
+    out.clad = !never_drawn(other) && pane_opacity(world_, other, *brush);
     return out;
 }
 

@@ -1,6 +1,7 @@
 #include "compiler/surfaces/faces.h"
 #include "compiler/surfaces/feet.h"
 #include "compiler/surfaces/walls.h"
+#include "compiler/world/panes.h"
 #include "libs/core/check.h"
 #include <algorithm>
 #include <cmath>
@@ -27,8 +28,7 @@ Visibility side_visibility(const World& world, const WorldSide& side, const Worl
     Visibility v;
     v.hull = opaque(behind);
     v.sky = (f & kSky) != 0;
-    const bool tool = f & (kNoDraw | kSkip | kHint | kClip | kTrigger | kOrigin | kAreaPortal | kLightBlocker | kInvisible);
-    v.drawn = brush.draws && !tool && !v.sky;
+    v.drawn = brush.draws && !never_drawn(material);
     // What can be seen through takes its share of light as the light stage says.
     const bool clear = (f & (kInvisible | kTranslucent | kAlphaTested)) || material.alpha < 1;
     v.blocks = (f & kLightBlocker) || (v.hull && !clear && brush.casts_light_shadow);

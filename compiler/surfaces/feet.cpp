@@ -1,4 +1,5 @@
 #include "compiler/surfaces/feet.h"
+#include "compiler/world/panes.h"
 #include "libs/core/check.h"
 #include <algorithm>
 #include <cmath>
@@ -13,15 +14,17 @@ constexpr int kFineBits = 10; // corners of terrain lie on multiples of 2^-10 ma
 
 bool opaque(Contents c) { return c == Contents::solid || c == Contents::detail; }
 
-// In front of a sky, water or glass nothing is shadowed by them: only what is solid or meant to block.
+// In front of a sky, water or glass nothing is shadowed by them: only what is solid or meant to block, and panes that nothing comes through.
 bool casts(const World& world, const WorldBrush& brush) {
-    bool any = false;
-    for (std::uint32_t s = brush.first_side; s < brush.first_side + brush.side_count; ++s) {
-        const Material& m = world.materials[world.sides[s].material.at()];
+    const auto side_casts = [&](const WorldSide& side) {
+        const Material& m = world.materials[side.material.at()];
         const bool clear = (m.flags & (kInvisible | kTranslucent | kAlphaTested)) || m.alpha < 1;
-        any = any || (m.flags & kLightBlocker) || (opaque(brush.contents) && !clear && brush.casts_light_shadow);
-    }
-    return any;
+        if ((m.flags & kLightBlocker) || (opaque(brush.contents) && !clear && brush.casts_light_shadow)) return true;
+        if (!clear || !brush.draws || never_drawn(m)) return false;
+        const auto opacity = pane_opacity(world, m, brush);
+        return opacity && opaque_pane(m, *opacity);
+    };
+    return std::ranges::any_of(std::span(world.sides).subspan(brush.first_side, brush.side_count), side_casts);
 }
 
 GridPoint fine(Vec3 p) {

@@ -22,7 +22,7 @@ inline SurfacesBuilder furnace(Rgb rho = {0.6f, 0.4f, 0.2f}, Rgb emission = {0.4
 
 // The two rooms of the design study: 40 units a metre, a lamp in the first, a doorway to the second. The wall that
 // stands on the floor cuts it.
-inline SurfacesBuilder two_rooms(double luxel = 10) {
+inline SurfacesBuilder two_rooms(double luxel = 10, bool sill = false) { // sill: the floor of the doorway is a face of its own
     SurfacesBuilder b;
     const auto grey = [&](float r) { return b.material({r, r, r}); };
     const MaterialId floor = grey(0.5f), ceiling = grey(0.7f), x = grey(0.6f), y0 = grey(0.4f), y1 = grey(0.7f);
@@ -34,6 +34,10 @@ inline SurfacesBuilder two_rooms(double luxel = 10) {
     holes[3] = holes[2];
     holes[4] = {Rect{180, 0, 190, 120}, Rect{180, 180, 190, 320}, Rect{60, 200, 120, 260}}; // along x, y
     holes[5] = {Rect{180, 0, 190, 320}, Rect{60, 60, 100, 100}};
+    if (sill) {
+        holes[4].push_back(Rect{180, 120, 190, 180});
+        b.rect({180, 120, 0}, {10, 0, 0}, {0, 60, 0}, floor, o);
+    }
     b.room({{0, 0, 0}, {320, 320, 160}}, {x, x, y0, y1, floor, ceiling}, o, holes);
     for (const double side : {180.0, 190.0}) {
         const Vec3 corner{side, 0, 0};

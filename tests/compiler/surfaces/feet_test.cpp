@@ -132,6 +132,46 @@ TEST(Feet, ABlockerOfLightInADoorway) {
     EXPECT_EQ(unmatched_hull_edges(s), 0u);
 }
 
+// What is drawn thin stands on faces as what is solid does if nothing comes through it; else light goes on.
+TEST(Feet, AGrateInADoorway) {
+    struct Case {
+        const char* what;
+        Contents contents;
+        std::uint32_t flags;
+        float alpha;
+        bool stated, parts;
+        const char* key = nullptr;
+        const char* value = nullptr;
+        Bytes texels = {};
+    };
+    const Case cases[] = {
+        {"opaque glass", Contents::window, kTranslucent, 1, true, true},
+        {"glass", Contents::window, kTranslucent, 0.9f, true, false},
+        {"glass of which nothing is known", Contents::window, kTranslucent, 1, false, false},
+        {"a grate without a hole", Contents::grate, kAlphaTested, 1, false, true, nullptr, nullptr, Bytes(4, 255)},
+        {"a grate", Contents::grate, kAlphaTested, 1, false, false, nullptr, nullptr, Bytes{255, 255, 254, 255}},
+        {"a grate without a shadow", Contents::grate, kAlphaTested, 1, true, false, "_shadow", "-1"},
+        {"a grate faded by its entity", Contents::grate, kAlphaTested, 1, true, false, "_alpha", "0.5"},
+    };
+    for (const Case& c : cases) {
+        WorldBuilder b = doorway(100, 116);
+        b.world.format = MapFormat::quake_standard;
+        const MaterialId m = b.material("pane", c.flags);
+        Material& pane = b.world.materials[m.at()];
+        pane.alpha = c.alpha, pane.alpha_stated = c.stated;
+        if (!c.texels.empty()) pane.opacity_map.width = pane.opacity_map.height = 2, pane.opacity_map.opacity = c.texels;
+        const BrushId brush = b.box({106, 40, 0}, {110, 88, 72}, c.contents, {0}, m);
+        if (c.key) {
+            b.world.brushes[brush.at()].entity = id<EntityId>(b.world.entities.size());
+            WorldEntity& e = b.world.entities.emplace_back();
+            e.keys = {{"classname", "func_group"}, {c.key, c.value}};
+        }
+        const Surfaces s = build(b.world).surfaces;
+        EXPECT_EQ(apart(s, faces_on(s, {0, 0, 1}, 0), 106, 110), c.parts) << c.what;
+        EXPECT_EQ(unmatched_hull_edges(s), 0u) << c.what;
+    }
+}
+
 // Terrain on end, its bumps along x, through floor, walls and ceiling.
 TEST(Feet, TerrainPartsFaces) {
     for (const double bump : {0.0, 6.0}) {

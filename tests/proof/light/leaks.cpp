@@ -178,16 +178,22 @@ LeakMap terrain_wall(double thickness, double at, double bump) {
     return m;
 }
 
-// A wall with a doorway, and a door of its own model that fills it, flush or thinner.
-LeakMap door(double wall_thickness, double door_thickness, double at) {
-    LeakMap m = plain(fmt::format("door of {} in a wall of {} at {}", door_thickness, wall_thickness, at));
+// A wall with a doorway and what fills it, flush or thinner: a door of its own model, or a brush drawn as a grate without a hole.
+LeakMap door(double wall_thickness, double door_thickness, double at, bool grate = false) {
+    LeakMap m = plain(fmt::format("{} of {} in a wall of {} at {}", grate ? "grate" : "door", door_thickness, wall_thickness, at));
     WorldBuilder& b = m.builder;
     const double x0 = at, x1 = at + wall_thickness;
     b.box({x0, -8, -8}, {x1, 40, kHi.z + 8});
     b.box({x0, 88, -8}, {x1, kHi.y + 8, kHi.z + 8});
     b.box({x0, 40, 72}, {x1, 88, kHi.z + 8});
     const double d0 = (x0 + x1 - door_thickness) / 2, d1 = d0 + door_thickness;
-    b.box({d0, 40, 0}, {d1, 88, 72}, Contents::solid, b.model("func_door"));
+    if (grate) {
+        const MaterialId opaque = b.material("grate", kAlphaTested);
+        b.world.materials[opaque.at()].alpha_stated = true;
+        b.box({d0, 40, 0}, {d1, 88, 72}, Contents::grate, {0}, opaque);
+    } else {
+        b.box({d0, 40, 0}, {d1, 88, 72}, Contents::solid, b.model("func_door"));
+    }
     const double jamb = (wall_thickness - door_thickness) / 2;
     m.dark = [in = within({x1, 0, 0}, kHi), way = within({d1, 40, 0}, {x1 + 1, 88, 72}), jamb](Vec3 p) { return in(p) || (jamb > 0 && way(p)); };
     m.bright = within(kLo, {x0, kHi.y, kHi.z});
@@ -214,6 +220,8 @@ std::vector<LeakMap> leak_maps() {
     maps.push_back(terrain_wall(4, 93.6875, 0));
     maps.push_back(terrain_wall(0.25, 93.6875, 6));
     maps.push_back(terrain_wall(2, 97.4375, 3));
+    for (const double thickness : {8.0, 1.0, 0.25}) maps.push_back(door(8, thickness, 93.6875, true));
+    maps.push_back(door(0.25, 0.25, 97.4375, true));
     maps.push_back(door(8, 8, 93.6875));
     maps.push_back(door(16, 2, 93.6875));
     maps.push_back(door(1, 1, 97.4375));
