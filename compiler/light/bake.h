@@ -330,6 +330,7 @@ private:
     KernelSum light_of(std::uint32_t luxel) const; // all of it, as it is baked
     void store_luxels();
     static constexpr int kNearBounces = 4; // of reflected_at
+    Choice near_lights_of(std::uint32_t patch) const;
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
     Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const;
     // estimate.cpp
@@ -402,6 +403,7 @@ private:
     std::vector<std::vector<LightRef>> lists_; // per patch: emitters in ascending order, then entities
     std::vector<std::vector<std::uint32_t>> behind_;    // per patch, ascending: large emitters that mostly lie behind something, left to gathered rays
     std::vector<std::vector<float>> brought_;  // per patch and light of its list: mean irradiance of its luxels
+    std::vector<Choice> near_lights_;          // per patch: of its list, for a place near it
     std::vector<std::uint32_t> luxel_patch_;   // per luxel: the patch of most of its footprint
     Grouped patch_luxels_;                                        // luxels by that patch
     std::vector<double> luxel_area_;                              // per patch: of those, map units squared

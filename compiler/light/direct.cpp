@@ -14,7 +14,7 @@ constexpr double kLarge = 1.0 / 16; // form factor of an emitter in full view (s
 constexpr double kHidden = 0.5;     // share of that which is hidden, from which on points on it are wasted
 constexpr std::uint32_t kLeastTests = 4; // rays that have to say so
 constexpr double kStrong = 0.1; // share of the light of a place from which on a lamp is tested thoroughly
-constexpr std::uint32_t kFullView = 32; // points on an emitter in full view: arithmetic, no rays
+constexpr std::uint32_t kFullView = 32; // points on an emitter in full view, at most: arithmetic, no rays
 constexpr double kAlike = 0.35;         // error targets by which what panes let through may differ over a luxel without a closer look
 constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a light in full view is evaluated
 double square(double x) {
@@ -454,7 +454,12 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
             // with parts as coarse as one point a place allows floors were 5 to 7 % too dark along such normals.
             const auto across = [&](const Emitter& e) { return kernel.bends_over(e.center - middle.position, e.radius + std::sqrt(footprint.area())); };
             const bool cut = ref.is_emitter && share == EmitterSet::Share::solid && (!emitters_.is_far(ref.light, middle.position, middle.normal) || across(emitters_.emitters[ref.light]));
-            const std::uint32_t each = cut ? kFullView : std::max(1u, std::bit_floor(kFullView / places));
+            // Else points tell kernels that are not linear how wide it is, to second order of its size: the small need one.
+            std::uint32_t each = cut ? kFullView : std::max(1u, std::bit_floor(kFullView / places));
+            if (ref.is_emitter && !cut) {
+                const double needed = emitters_.emitters[ref.light].area / (square(distance_to(ref, middle.position)) * 0.01 * options_.error_percent);
+                each = std::bit_ceil(static_cast<std::uint32_t>(std::clamp(std::ceil(needed), 1.0, 1.0 * each)));
+            }
             KernelSum part;
             for (std::uint32_t k = 0; k < places; ++k) {
                 const Vec2 in{(k % side + 0.5) / side, (k / side + 0.5) / side};
@@ -624,7 +629,7 @@ void Bake::luxel_direct_of(std::uint32_t p, std::uint64_t pass, std::vector<std:
 std::vector<Bake::Found> Bake::luxel_direct(std::span<const std::uint32_t> patches) {
     direct_.resize(surfaces_.luxels.size());
     direct_variance_.resize(surfaces_.luxels.size());
-    brought_.resize(patches_.patches.size()), untold_.resize(patches_.patches.size());
+    brought_.resize(patches_.patches.size()), near_lights_.resize(patches_.patches.size()), untold_.resize(patches_.patches.size());
     // Other points each time: that a place was found noisy must not be part of its value.
     const std::uint64_t pass = 1024 + direct_passes_++;
     constexpr std::size_t kChunk = 16;
@@ -634,6 +639,7 @@ std::vector<Bake::Found> Bake::luxel_direct(std::span<const std::uint32_t> patch
         for (const std::uint32_t p : patches.subspan(begin, end - begin)) {
             Found of{p, {}};
             luxel_direct_of(p, pass, &of.emitters, &rays);
+            near_lights_[p] = near_lights_of(p);
             untold_[p] = 1;
             if (!of.emitters.empty()) divided[begin / kChunk].push_back(std::move(of));
         }

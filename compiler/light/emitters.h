@@ -109,7 +109,7 @@ private:
     template <class Leaf> static void split(const Sampling& s, const Part& part, int depth, const Leaf& leaf);
     template <class Visit> static void visit_part(Sampling& s, const Part& part, std::uint32_t count, const Visit& visit);
     template <class Visit> void visit_far(std::uint32_t emitter, Vec3 x, std::uint32_t first, std::uint32_t samples, const Sobol& points, Arrival arrival, const Visit& visit) const;
-    template <class Place, class Solid, class Doubled, class Visit>
+    template <std::size_t Most, class Place, class Solid, class Doubled, class Visit>
     static void visit_points(const Emitter& e, Vec3 x, std::uint32_t count, Arrival arrival, const Place& place, const Solid& solid_angle,
                              const Doubled& doubled_flux, const Visit& visit);
 };
@@ -186,7 +186,13 @@ void EmitterSet::visit_far(std::uint32_t index, Vec3 x, std::uint32_t first, std
         return flux;
     };
     samples = std::min(samples, kMostPoints);
-    visit_points(e, x, samples, arrival, [&](std::uint32_t i) { return point_on(index, points.pair(first + i, 2)); },
+    if (arrival == Arrival::whole && samples == 1) { // the exact integral, wherever the point would be
+        Vec3 exact = doubled() * 0.5;
+        if (dot(exact, e.normal) > 0) exact = -exact;
+        if (exact != Vec3{}) visit(e.center, exact);
+        return;
+    }
+    visit_points<kMostPoints>(e, x, samples, arrival, [&](std::uint32_t i) { return point_on(index, points.pair(first + i, 2)); },
                  [&](double all) { return all * e.area / samples; }, doubled, visit);
 }
 
@@ -265,16 +271,17 @@ template <class Visit> void EmitterSet::visit_part(Sampling& s, const Part& part
         const double r = std::sqrt(u.x), wb = r * (1 - u.y), wc = r * u.y;
         return corner[0] + (corner[1] - corner[0]) * wb + (corner[2] - corner[0]) * wc;
     };
-    visit_points(s.e, x, count, s.arrival, place, [&](double) { return solid_angle(x, corner[0], corner[1], corner[2]); }, [&] { return part.doubled_flux(); }, visit);
+    visit_points<kMostPoints>(s.e, x, count, s.arrival, place, [&](double) { return solid_angle(x, corner[0], corner[1], corner[2]); }, [&] { return part.doubled_flux(); }, visit);
 }
 
 // `solid_angle`: of the whole, given the sum of cosine / r^2 over the points. `doubled_flux`: twice the integral of the
 // direction, but for the sign.
-template <class Place, class Solid, class Doubled, class Visit>
+template <std::size_t Most, class Place, class Solid, class Doubled, class Visit>
 void EmitterSet::visit_points(const Emitter& e, Vec3 x, std::uint32_t count, Arrival arrival, const Place& place, const Solid& solid_angle,
                               const Doubled& doubled_flux, const Visit& visit) {
-    std::array<Vec3, kMostPoints> ys, fluxes;
-    std::array<double, kMostPoints> solid{};
+    if (Most > 1 && count == 1) return visit_points<1>(e, x, 1, arrival, place, solid_angle, doubled_flux, visit); // most calls: without 4 KB set to zero
+    std::array<Vec3, Most> ys, fluxes;
+    std::array<double, Most> solid{};
     Vec3 sum;
     double all = 0;
     for (std::uint32_t i = 0; i < count; ++i) {

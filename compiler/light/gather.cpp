@@ -101,19 +101,30 @@ void Bake::patch_guide(std::uint32_t p, Guide* guide) const {
     guide->build();
 }
 
+// By what each brings to the luxels of the patch, in part by what it could bring to it; in a small part evenly, for what only a rim of it sees.
+Choice Bake::near_lights_of(std::uint32_t p) const {
+    constexpr double kHiddenShare = 1.0 / 16; // no test ray of the patch saw it
+    constexpr double kEvenShare = 1.0 / 16;
+    const std::vector<LightRef>& list = lists_[p];
+    const Patch& patch = patches_.patches[p];
+    thread_local std::vector<double> could, brought;
+    could.clear();
+    for (const LightRef& r : list) {
+        const double most = r.is_emitter ? kPi * mean(emitters_.emitters[r.light].radiance) * form_factor_bound(p, r.light) / 4 : light_bound(lights_[r.light], patch.centroid, std::sqrt(patch.area));
+        could.push_back(most * (r.hidden ? kHiddenShare : 1));
+    }
+    const double all = std::accumulate(could.begin(), could.end(), 0.0), even = kEvenShare * (all > 0 ? all : 1) / static_cast<double>(list.size());
+    for (double& c : could) c += even;
+    brought.assign(brought_[p].begin(), brought_[p].end());
+    Choice out;
+    choose_by_light(brought, could, &out);
+    return out;
+}
+
 // Irradiance that the listed lights of a patch bring to a place near it, from one of them.
 Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const {
-    constexpr double kHiddenShare = 1.0 / 16; // no test ray of the patch saw it
     const std::vector<LightRef>& list = lists_[patch];
-    thread_local Choice choice;
-    thread_local std::vector<double> could, brought;
-    could.clear(), brought.clear();
-    for (std::size_t k = 0; k < list.size(); ++k) {
-        const LightRef& r = list[k];
-        const double most = r.is_emitter ? kPi * mean(emitters_.emitters[r.light].radiance) * emitters_.bound(r.light, x, normal) : light_bound(lights_[r.light], x, 0);
-        could.push_back(most * (r.hidden ? kHiddenShare : 1)), brought.push_back(static_cast<double>(brought_[patch][k]));
-    }
-    choose_by_light(brought, could, &choice);
+    const Choice& choice = near_lights_[patch];
     if (!(choice.total() > 0)) return {};
     const std::uint32_t at = choice.pick(random());
     const double scale = choice.total() / choice.weight(at);
