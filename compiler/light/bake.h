@@ -43,7 +43,8 @@ struct ReflectedLight {
 // A lamp changed in one room changes the last digits of the light of every other. What rays read is rounded, up or down by the place, so that means do not
 // change: it is mostly the same where nothing much happened, and what was made of it can be taken over.
 double read_step_of(double error_percent); // share of light, a power of two
-Rgbd rounded_as_read(Rgbd light, double step_share, double floor, double up); // floor: what darker light is rounded as; up: from which remainder on, 0 all to 1 none
+double rounded_as_read(double light, double step_share, double floor, double up); // floor: what darker light is rounded as; up: from which remainder on, 0 all to 1 none
+Rgbd rounded_as_read(Rgbd light, double step_share, double floor, double up);
 
 // A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
 struct LightRef {
@@ -357,7 +358,7 @@ private:
     Footprint footprint_of_luxel(std::uint32_t luxel) const;
     std::uint64_t seed_at(Vec3 point, std::uint64_t pass) const;
     Vec3 luxel_centroid(const Luxel& luxel) const;
-    ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total, const ReflectedLight* same_direct = nullptr) const;
+    ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total, const ReflectedLight* same_direct = nullptr) const;
     std::vector<std::uint32_t> own_light(std::vector<double>& stale); // returns patches to which what it changed makes a difference
     Rgbd emitted_by(std::uint32_t p) const { return patch_emitter_[p] == UINT32_MAX ? Rgbd{} : emitters_.emitters[patch_emitter_[p]].radiance; }
     bool is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const {

@@ -9,7 +9,7 @@
 namespace kiln {
 namespace {
 std::uint64_t with_reflected(std::uint64_t sum, const ReflectedLight& light, const Surfaces& surfaces, std::uint32_t p, std::span<const std::uint32_t> luxels) {
-    sum = chained(chained(sum, light.patch[p]), light.far[p]);
+    sum = chained(sum, light.patch[p]);
     for (const std::uint32_t l : luxels) {
         const std::size_t texel = texel_of(surfaces, surfaces.luxels[l]);
         sum = chained(chained(chained(sum, light.texel[texel]), light.direct[texel]), std::uint64_t{light.steep[texel]});
@@ -207,7 +207,7 @@ void Bake::note_states() {
             }
             emitters_hash_[p] = emitters;
             states_[p] = reflects_[p], states_coarse_[p] = mix(reflects_[p], reflects_coarse_[p]);
-            states_[n + p] = states_coarse_[n + p] = emitters;
+            states_[n + p] = mix(chained(emitters, reflected_.far[p])), states_coarse_[n + p] = mix(chained(chained(emitters, reflected_.far[p]), coarse_.far[p]));
             states_[2 * n + p] = states_coarse_[2 * n + p] = all;
         }
     });

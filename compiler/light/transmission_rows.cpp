@@ -87,13 +87,13 @@ Rgbd Bake::emission_through_panes(std::uint64_t ray, std::uint32_t patch, bool o
 
 // For the guide of `patch`.
 double Bake::light_through_panes(std::uint64_t ray, std::uint32_t patch) const {
-    Rgbd sum;
+    double sum = 0;
     for (const PaneRays::Met& met : pane_rays_.of(ray)) {
-        if (is_patch(met.code)) sum += static_cast<Rgbd>(met.reflected) * static_cast<Rgbd>(reflected_.patch[met.code]);
+        if (is_patch(met.code)) sum += mean(static_cast<Rgbd>(met.reflected)) * bright_[met.code];
         const std::uint32_t emitter = emitter_of(met.code);
-        if (emitter != UINT32_MAX && !listed(patch, emitter)) sum += static_cast<Rgbd>(met.emitted) * emitters_.emitters[emitter].radiance;
+        if (emitter != UINT32_MAX && !listed(patch, emitter)) sum += mean(static_cast<Rgbd>(met.emitted) * emitters_.emitters[emitter].radiance);
     }
-    return mean(sum);
+    return sum;
 }
 
 Rgbd Bake::through_panes(std::span<const PaneHit> panes, Vec3 way, std::uint32_t patch, std::span<const std::uint32_t> heavy, Random& random,

@@ -256,6 +256,29 @@ TEST(Density, SameBytesForAnyNumberOfThreads) {
     EXPECT_EQ(to_bytes(room.coarse(2, 7)), one);
 }
 
+// Charts that an earlier run has made are taken over, and only the others are fitted to what filtering shows.
+TEST(Density, WhatWasKeptChangesNothing) {
+    Room room(16, true);
+    room.light(waves(100, 9), RnmEncoding::dot, 2);
+    room.lighting.piece_patch.assign(room.surfaces.pieces.size(), 0), room.lighting.patch_index.assign(room.surfaces.texel_count, 0);
+    const auto texels = [&](Memo* memo) {
+        const auto made = level_texels(room.surfaces, room.lighting, {.error_percent = 2}, room.context, memo);
+        EXPECT_TRUE(made);
+        return to_bytes(*made);
+    };
+    Memo kept;
+    EXPECT_EQ(texels(&kept), texels(nullptr));
+    const std::size_t charts = kept.size();
+    EXPECT_GT(charts, 4u);
+    for (const bool change : {false, true}) {
+        if (change) // one luxel of one chart
+            room.lighting.flat[texel_of(room.surfaces, room.surfaces.luxels[room.surfaces.luxels.size() / 2])] = {9, 9, 9};
+        kept = from_bytes<Memo>(to_bytes(kept));
+        EXPECT_EQ(texels(&kept), texels(nullptr));
+        EXPECT_EQ(kept.found(), charts - change);
+    }
+}
+
 // Noise that the bake knows of is not kept; a step that it hides in single luxels, but not in many, is.
 TEST(Density, NoiseIsNoDetail) {
     Room room;

@@ -45,6 +45,36 @@ TEST(Bake, FurnaceIsPiEverywhere) {
     for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(sum[c], kPi, 0.005 * kPi);
 }
 
+// Faces without luxels shine, reflect and are lit as others are: in a furnace, and below a lamp.
+TEST(Bake, FacesWithoutLuxelsReflect) {
+    const auto room = [](Rgb rho, Rgb emission, bool floor, std::vector<Light> lights) {
+        SurfacesBuilder scene;
+        const MaterialId m = scene.material(rho, emission);
+        auto walls = all(m);
+        walls[4] = MaterialId{};
+        scene.room({{0, 0, 0}, {160, 128, 96}}, walls, {.luxel = 16});
+        for (const double x : {0.0, 80.0}) scene.rect({x, 0, 0}, {80, 0, 0}, {0, 128, 0}, m, {.luxel = 16, .chart = floor});
+        return bake(std::move(scene), {.error_percent = 2}, std::move(lights));
+    };
+    const auto furnace = room({0.6f, 0.4f, 0.2f}, {0.4f, 0.6f, 0.8f}, false, {});
+    std::size_t luxels = 0;
+    for (const Luxel& l : furnace->scene.surfaces.luxels) {
+        const Rgb e = furnace->lighting.flat[texel_of(furnace->scene.surfaces, l)];
+        for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(e[c], kPi, 0.005 * kPi);
+        ++luxels;
+    }
+    EXPECT_GT(luxels, 100u);
+    const auto ceiling = [&](bool floor) {
+        const auto b = room({0.5f, 0.5f, 0.5f}, {}, floor, {point_light({60, 50, 70}, {1000, 1000, 1000})});
+        double sum = 0, count = 0;
+        for (const Luxel& l : b->scene.surfaces.luxels)
+            if (center_of(b->scene.surfaces, l).z > 95) sum += b->lighting.flat[texel_of(b->scene.surfaces, l)].x, ++count;
+        EXPECT_GT(count, 0);
+        return sum / count;
+    };
+    EXPECT_NEAR(ceiling(false) / ceiling(true), 1, 0.02);
+}
+
 // E = I cos / r^2.
 TEST(Bake, PointLightOnABlackFloor) {
     SurfacesBuilder scene;

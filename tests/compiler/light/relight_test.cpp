@@ -121,6 +121,22 @@ TEST(Relight, DirectLightOfABrighterLampIsNotTracedAgain) {
     EXPECT_EQ(memo.direct.size(), memo.direct.found()) << "traced anew";
 }
 
+// Patches of faces without luxels are sampled for themselves, light by light.
+TEST(Relight, FacesWithoutLuxels) {
+    const auto scene = [] {
+        SurfacesBuilder s = two_rooms(20);
+        s.rect({200, 20, 1}, {100, 0, 0}, {0, 100, 0}, s.material({0.7f, 0.3f, 0.1f}), {.chart = false});
+        s.rect({20, 20, 1}, {60, 0, 0}, {0, 60, 0}, s.material({0.2f, 0.3f, 0.6f}), {.chart = false});
+        return s;
+    };
+    LightMemo memo = empty_memo();
+    (void)baked(scene(), kLamps, &memo);
+    for (const Edit& e : edits()) {
+        LightMemo kept = stored(memo);
+        EXPECT_EQ(baked(scene(), e.lights, &kept), baked(scene(), e.lights, nullptr)) << e.name;
+    }
+}
+
 // Which lamps are left to gathered rays is taken over, too. The ceiling of what is above and its walls are two lamps.
 TEST(Relight, LampsAboveAHole) {
     const auto scene = [](Rgb walls, Rgb ceiling) {

@@ -1,4 +1,5 @@
 // The probes of worlds baked by the real stages.
+#include "compiler/light/memo.h"
 #include "compiler/probes/probes.h"
 #include "libs/parallel/parallel.h"
 #include "tests/compiler/ambient/baked_world.h"
@@ -10,9 +11,9 @@ namespace {
 using test::bake;
 using test::Baked;
 
-Probes probes_of(Baked& b, const ProbesOptions& options = {}, int threads = 2) {
+Probes probes_of(Baked& b, const ProbesOptions& options = {}, int threads = 2, Memo* memo = nullptr) {
     b.context.threads = threads;
-    auto probes = bake_probes(b.world, b.bsp, b.csg.planes, b.surfaces, *b.field, options, b.context);
+    auto probes = bake_probes(b.world, b.bsp, b.csg.planes, b.surfaces, *b.field, options, b.context, memo);
     EXPECT_TRUE(probes);
     validate(*probes);
     EXPECT_EQ(probes->face_probe.size(), b.surfaces.faces.size());
@@ -95,6 +96,31 @@ TEST(ProbesBaked, AssignmentStaysInTheRoom) {
         } else {
             EXPECT_EQ(probes.leaf_probe[l], leaf.bounds.center().x < 260 ? 0u : 1u);
         }
+    }
+}
+
+// Which probe each face and leaf takes is kept, of one geometry: light is no part of it, where probes stand is. Bytes are those without what was kept.
+TEST(ProbesBaked, WhatWasKeptChangesNothing) {
+    const auto world = [](const char* light, double probe) {
+        test::WorldBuilder w;
+        w.room({0, 0, 0}, {528, 256, 128});
+        w.box({256, 0, 0}, {264, 128, 128});
+        w.point_entity("info_player_start", {40, 40, 40});
+        w.point_entity("light", {100, 100, 90}, {{"_light", light}});
+        w.point_entity("env_cubemap", {probe, 128, 64}, {{"cubemapsize", "4"}});
+        w.point_entity("env_cubemap", {400, 128, 64}, {{"cubemapsize", "4"}});
+        return bake(w);
+    };
+    const auto first = world("255 255 255 300", 40);
+    Memo kept;
+    EXPECT_EQ(to_bytes(probes_of(*first, {}, 2, &kept)), to_bytes(probes_of(*first)));
+    EXPECT_GT(kept.size(), 0u);
+    kept = from_bytes<Memo>(to_bytes(kept));
+    for (const auto& [light, probe] : {std::pair{"255 255 255 300", 40.0}, {"255 200 100 350", 40.0}, {"255 255 255 300", 230.0}}) {
+        const auto edited = world(light, probe);
+        Memo memo = kept;
+        EXPECT_EQ(to_bytes(probes_of(*edited, {}, 2, &memo)), to_bytes(probes_of(*edited))) << light << " " << probe;
+        EXPECT_EQ(memo.found() == memo.size(), probe == 40) << light << " " << probe;
     }
 }
 
