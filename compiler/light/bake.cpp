@@ -22,9 +22,9 @@ constexpr double kFarPatches = 3;                          // sizes of a patch f
 constexpr std::size_t kChunk = 1024;                       // patches or luxels, of a few instructions each
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
 
+constexpr double kGolden = 0.618033988749895; // steps of it never meet again
 // Of one random number another.
 double other_draw(double u) {
-    constexpr double kGolden = 0.618033988749895;
     return u + kGolden < 1 ? u + kGolden : u + kGolden - 1;
 }
 
@@ -232,7 +232,7 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
 std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
     constexpr double kCertain = 2;  // standard deviations of the square of a difference that is but noise, were that normal and each luxel's its own
     constexpr double kMatters = 0.25; // targets by which the light of a patch changes by it from which on it is gathered again
-    constexpr double kGolden = 0.618, inv_pi = 1 / std::numbers::pi;
+    constexpr double inv_pi = 1 / std::numbers::pi;
     const double target = options_.error_percent / 100;
     const std::size_t n = patches_.patches.size();
     std::vector<double> moved(n); // per patch: radiance, mean over its luxels
@@ -265,8 +265,8 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
                 Rgbd light;
                 for (std::size_t c = 0; c < 3; ++c) light[c] = rho[c] > 0 ? read[c] / rho[c] : 0;
                 const std::size_t texel = texel_of(surfaces_, surfaces_.luxels[l]);
-                // Up or down otherwise than what was told: rounded twice alike it would be drawn back.
-                const Rgbd now = rho * rounded(light, std::fmod(luxel_rounding_[l] + kGolden * static_cast<double>(own_round_), 1.0));
+                // Up or down otherwise than what was told (see other_draw): rounded twice alike it would be drawn back.
+                const Rgbd now = rho * rounded(light, std::fmod(luxel_rounding_[l] + kGolden * static_cast<double>(own_round_ + 1), 1.0));
                 reflected_.texel[texel] = static_cast<Rgb>(now);
                 // What patches of twice the size would change is asked of the patches: of what luxels have put right there it would be made of both. (It may fall below 0: a difference.)
                 coarse_luxels_.texel[texel] = static_cast<Rgb>(static_cast<Rgbd>(coarse_luxels_.texel[texel]) + now - told[k]);

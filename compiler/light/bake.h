@@ -431,7 +431,7 @@ private:
     std::vector<Rgbd> solved_direct_;                             // and that which is, as the bounces were solved
     std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
     ReflectedLight reflected_;
-    std::vector<double> bright_;               // per patch: luminance of what it reflects
+    std::vector<double> bright_;               // per patch: luminance of what it reflects, as guides see it: in coarse steps, up or down by the place
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
     ReflectedLight coarse_luxels_;             // with direct light as luxels of twice the size would show it
     std::vector<StoredSum> gathered_, smoothed_;                  // per luxel: what its rays gathered; with what its neighbours tell
@@ -451,7 +451,7 @@ private:
     std::vector<std::uint64_t> reflects_, reflects_coarse_, guides_;    // per patch, from the last solution
     std::vector<std::uint64_t> gathered_hash_;                          // per patch: of what its luxels gathered
     std::vector<std::uint64_t> emitters_hash_;                          // of the emitters in its list
-    // Of what rays may read there, kLookedAt times all patches: what it reflects; which emitters are in its list; its list. Then what
+    // Of what rays may read there, kLookedAt times all patches: what it reflects; which emitters are in its list, and the light far off; its list. Then what
     // each emitter sends.
     static constexpr std::uint32_t kLookedAt = 3;
     std::uint32_t emitter_part(std::uint32_t emitter) const { return static_cast<std::uint32_t>(kLookedAt * patches_.patches.size()) + emitter; }

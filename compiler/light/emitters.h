@@ -186,10 +186,10 @@ void EmitterSet::visit_far(std::uint32_t index, Vec3 x, std::uint32_t first, std
         return flux;
     };
     samples = std::min(samples, kMostPoints);
-    if (arrival == Arrival::whole && samples == 1) { // the exact integral, wherever the point would be
+    if (arrival == Arrival::whole && samples == 1) { // the exact integral, whatever the point
         Vec3 exact = doubled() * 0.5;
         if (dot(exact, e.normal) > 0) exact = -exact;
-        if (exact != Vec3{}) visit(e.center, exact);
+        if (exact != Vec3{}) visit(point_on(index, points.pair(first, 2)), exact);
         return;
     }
     visit_points<kMostPoints>(e, x, samples, arrival, [&](std::uint32_t i) { return point_on(index, points.pair(first + i, 2)); },

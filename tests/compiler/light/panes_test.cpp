@@ -304,6 +304,24 @@ TEST(Panes, AgreeWithPathTracing) {
     }
 }
 
+// A small lamp in full view through glass: its middle, that of the box around it, lies off a lamp of three corners.
+TEST(Panes, ATiltedTriangleShinesThroughGlass) {
+    const auto floor_of = [](bool glazed) {
+        SurfacesBuilder b;
+        b.rect({-64, -64, 0}, {128, 0, 0}, {0, 128, 0}, b.material({}), {.luxel = 16});
+        b.face({{{0, 0, 140}, {0, 16, 124}, {16, 0, 124}}}, b.material({}, {100, 100, 100}), {.luxel = 16}); // its plane is x + y + z = 140
+        if (glazed) pane(b, {-96, -96, 80}, {192, 0, 0}, {0, 192, 0}, glass(b, 0.5f));
+        return floor_light(*bake(std::move(b), {}));
+    };
+    const auto bare = floor_of(false), glazed = floor_of(true);
+    ASSERT_EQ(bare.size(), glazed.size());
+    ASSERT_GT(bare.size(), 40u);
+    for (std::size_t k = 0; k < bare.size(); ++k) {
+        EXPECT_GT(bare[k].x, 0.05) << k;
+        EXPECT_NEAR(glazed[k].x / bare[k].x, 0.5, 0.005) << k;
+    }
+}
+
 // Behind a pane that is opaque there is nothing at all, whatever the patches: faces are parted where it stands (surfaces/feet.h).
 TEST(Panes, AnOpaqueOneSealsARoom) {
     for (const double luxel : {10.0, 5.0})
