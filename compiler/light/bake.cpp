@@ -16,17 +16,9 @@ constexpr std::uint32_t kMostRowRays = 4096;
 static_assert(kMostRowRays / kQuarters <= UINT16_MAX); // Quarters::rays
 constexpr double kSteep = 5;                               // targets by which direct light of luxels side by side may differ
 constexpr double kReadStep = 0.5;                          // of the target: to what share of itself light is rounded where rays read it
-constexpr double kShapeStep = 4;                           // of those steps: for light that is not direct, of a luxel over that of its patch
-constexpr double kGuideSteps = 4;                          // an octave: brightness as guides see it
 constexpr double kFarPatches = 3;                          // sizes of a patch from which on light close by is not followed further
 constexpr std::size_t kChunk = 1024;                       // patches or luxels, of a few instructions each
 constexpr std::size_t kMostRowHits = std::size_t{1} << 28; // 1 GB
-
-constexpr double kGolden = 0.618033988749895; // steps of it never meet again
-// Of one random number another.
-double other_draw(double u) {
-    return u + kGolden < 1 ? u + kGolden : u + kGolden - 1;
-}
 
 double read_step_of(double error_percent) {
     return std::exp2(std::floor(std::log2(kReadStep * error_percent / 100)));
@@ -172,19 +164,14 @@ HemisphereMap Bake::map_of(ChartId chart) const {
     return {cones_[chart.at()] || surfaces_.charts[chart.at()].smooth ? 0.6 : 1.0};
 }
 
-// Reflected radiance at hits: direct light of the very luxel, the rest as that of its patch times how it lies within it. Each is rounded by itself: what changes far off changes all of a patch alike,
-// one number of it. `same_direct`: made from the same direct light.
-ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total, const ReflectedLight* same_direct) const {
+// Reflected radiance at hits, rounded: direct light of the very luxel, the rest by patch. `same_direct`: made from the same direct light.
+ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total, const ReflectedLight* same_direct) const {
     ReflectedLight out;
     constexpr double inv_pi = 1 / std::numbers::pi;
     out.patch.resize(patches_.patches.size());
-    std::vector<Rgbd> rest_read(out.patch.size());
-    const double shape_step = kShapeStep * quality_.read_step;
     parallel_chunks(context_, out.patch.size(), kChunk, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t p = begin; p < end; ++p) {
-            rest_read[p] = rounded(rest[p], patch_rounding_[p]);
-            out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * (rounded(total[p] - rest[p], other_draw(patch_rounding_[p])) + rest_read[p]) * inv_pi);
-        }
+        for (std::size_t p = begin; p < end; ++p)
+            out.patch[p] = static_cast<Rgb>(static_cast<Rgbd>(patches_.patches[p].reflectance) * rounded(total[p], patch_rounding_[p]) * inv_pi);
     });
     out.texel.resize(surfaces_.texel_count);
     if (same_direct) out.direct = same_direct->direct;
@@ -198,10 +185,7 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
             const std::size_t texel = texel_of(surfaces_, luxel);
             const Rgbd rho = static_cast<Rgbd>(patches_.patches[p].reflectance) * inv_pi;
             if (!same_direct) out.direct[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat, luxel_rounding_[l]));
-            Rgbd read;
-            for (std::size_t c = 0; c < 3; ++c)
-                if (rest[p][c] > 0) read[c] = rest_read[p][c] * rounded_as_read(rest_of_luxel[l][c] / rest[p][c], shape_step, 1, other_draw(luxel_rounding_[l]));
-            out.texel[texel] = static_cast<Rgb>(static_cast<Rgbd>(out.direct[texel]) + rho * read);
+            out.texel[texel] = static_cast<Rgb>(rho * rounded(direct_[l].flat + rest_of_luxel[l], luxel_rounding_[l]));
             lit[texel] = 1;
         }
     });
@@ -232,7 +216,7 @@ ReflectedLight Bake::reflected_light(const std::vector<Rgbd>& rest_of_luxel, con
 std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
     constexpr double kCertain = 2;  // standard deviations of the square of a difference that is but noise, were that normal and each luxel's its own
     constexpr double kMatters = 0.25; // targets by which the light of a patch changes by it from which on it is gathered again
-    constexpr double inv_pi = 1 / std::numbers::pi;
+    constexpr double kGolden = 0.618, inv_pi = 1 / std::numbers::pi;
     const double target = options_.error_percent / 100;
     const std::size_t n = patches_.patches.size();
     std::vector<double> moved(n); // per patch: radiance, mean over its luxels
@@ -265,8 +249,8 @@ std::vector<std::uint32_t> Bake::own_light(std::vector<double>& stale) {
                 Rgbd light;
                 for (std::size_t c = 0; c < 3; ++c) light[c] = rho[c] > 0 ? read[c] / rho[c] : 0;
                 const std::size_t texel = texel_of(surfaces_, surfaces_.luxels[l]);
-                // Up or down otherwise than what was told (see other_draw): rounded twice alike it would be drawn back.
-                const Rgbd now = rho * rounded(light, std::fmod(luxel_rounding_[l] + kGolden * static_cast<double>(own_round_ + 1), 1.0));
+                // Up or down otherwise than what was told: rounded twice alike it would be drawn back.
+                const Rgbd now = rho * rounded(light, std::fmod(luxel_rounding_[l] + kGolden * static_cast<double>(own_round_), 1.0));
                 reflected_.texel[texel] = static_cast<Rgb>(now);
                 // What patches of twice the size would change is asked of the patches: of what luxels have put right there it would be made of both. (It may fall below 0: a difference.)
                 coarse_luxels_.texel[texel] = static_cast<Rgb>(static_cast<Rgbd>(coarse_luxels_.texel[texel]) + now - told[k]);
@@ -407,7 +391,7 @@ ReflectedLight Bake::coarse_light(const std::vector<Rgbd>& direct, const std::ve
     std::vector<Rgbd> coarse_rest(m), rest(n), total(n);
     for (std::size_t c = 0; c < m; ++c) coarse_rest[c] = solved[c] - coarse_direct[c];
     for (std::size_t p = 0; p < n; ++p) rest[p] = coarse_rest[parent[p]], total[p] = coarse_direct[parent[p]] + rest[p];
-    ReflectedLight out = reflected_light(values_at_luxels(surfaces_, larger_.neighbours, larger_.luxels, coarse_rest, context_), rest, total, &reflected_);
+    ReflectedLight out = reflected_light(values_at_luxels(surfaces_, larger_.neighbours, larger_.luxels, coarse_rest, context_), total, &reflected_);
     far_light(larger_.rows, larger_.table, larger_.parts, larger_table_, 2 * quality_.patch_size, &out);
     return out;
 }
@@ -458,16 +442,15 @@ void Bake::make_patches() {
     rays_.assign(n, quality_.first_rays);
 }
 
-double rounded_as_read(double light, double step_share, double floor, double up) {
-    const double scale = std::max(light, floor);
-    if (!(scale > 0)) return light;
-    const double power = std::bit_cast<double>(std::bit_cast<std::uint64_t>(scale) & 0x7FF0000000000000u); // of two, the greatest in it
-    const double step = power * step_share;
-    return step > 0 ? std::floor(light / step + up) * step : light; // or next to nothing
-}
-
 Rgbd rounded_as_read(Rgbd light, double step_share, double floor, double up) {
-    for (std::size_t c = 0; c < 3; ++c) light[c] = rounded_as_read(light[c], step_share, floor, up); // each by itself, as errors are measured
+    for (std::size_t c = 0; c < 3; ++c) { // each by itself, as errors are measured
+        const double scale = std::max(light[c], floor);
+        if (!(scale > 0)) continue;
+        const double power = std::bit_cast<double>(std::bit_cast<std::uint64_t>(scale) & 0x7FF0000000000000u); // of two, the greatest in it
+        const double step = power * step_share;
+        if (!(step > 0)) continue; // next to nothing
+        light[c] = std::floor(light[c] / step + up) * step;
+    }
     return light;
 }
 
@@ -487,16 +470,13 @@ std::vector<Rgbd> Bake::solve_patches() {
     floor_ = area > 0 ? error_floor(options_.error_floor, sum / area) : 0;
     rest_.resize(n);
     for (std::size_t p = 0; p < n; ++p) rest_[p] = total[p] - direct[p];
-    reflected_ = reflected_light(values_at_luxels(surfaces_, neighbours_, patch_luxels_, rest_, context_), rest_, total);
+    reflected_ = reflected_light(values_at_luxels(surfaces_, neighbours_, patch_luxels_, rest_, context_), total);
     const Grouped alone(n, [&](const auto& add) {
         for (std::uint32_t p = 0; p < n; ++p) add(p, p);
     });
     far_light(rows_, patches_, alone, table_, quality_.patch_size, &reflected_);
     bright_.clear();
-    for (std::size_t p = 0; p < n; ++p) {
-        const double b = mean(rho[p] * total[p]);
-        bright_.push_back(b > 0 ? std::exp2(std::floor(kGuideSteps * std::log2(b) + patch_rounding_[p]) / kGuideSteps) / std::numbers::pi : 0);
-    }
+    for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
     coarse_ = coarse_light(direct, first);
     coarse_luxels_ = coarse_luxels();
     if (memo_) note_solution();

@@ -43,8 +43,7 @@ struct ReflectedLight {
 // A lamp changed in one room changes the last digits of the light of every other. What rays read is rounded, up or down by the place, so that means do not
 // change: it is mostly the same where nothing much happened, and what was made of it can be taken over.
 double read_step_of(double error_percent); // share of light, a power of two
-double rounded_as_read(double light, double step_share, double floor, double up); // floor: what darker light is rounded as; up: from which remainder on, 0 all to 1 none
-Rgbd rounded_as_read(Rgbd light, double step_share, double floor, double up);
+Rgbd rounded_as_read(Rgbd light, double step_share, double floor, double up); // floor: what darker light is rounded as; up: from which remainder on, 0 all to 1 none
 
 // A light that is sampled explicitly for the luxels of a patch; all others it sees stay in the gathered rays.
 struct LightRef {
@@ -358,7 +357,7 @@ private:
     Footprint footprint_of_luxel(std::uint32_t luxel) const;
     std::uint64_t seed_at(Vec3 point, std::uint64_t pass) const;
     Vec3 luxel_centroid(const Luxel& luxel) const;
-    ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& rest, const std::vector<Rgbd>& total, const ReflectedLight* same_direct = nullptr) const;
+    ReflectedLight reflected_light(const std::vector<Rgbd>& rest_of_luxel, const std::vector<Rgbd>& total, const ReflectedLight* same_direct = nullptr) const;
     std::vector<std::uint32_t> own_light(std::vector<double>& stale); // returns patches to which what it changed makes a difference
     Rgbd emitted_by(std::uint32_t p) const { return patch_emitter_[p] == UINT32_MAX ? Rgbd{} : emitters_.emitters[patch_emitter_[p]].radiance; }
     bool is_far(const ReflectedLight& light, std::uint32_t patch, std::uint32_t code) const {
@@ -431,7 +430,7 @@ private:
     std::vector<Rgbd> solved_direct_;                             // and that which is, as the bounces were solved
     std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
     ReflectedLight reflected_;
-    std::vector<double> bright_;               // per patch: luminance of what it reflects, as guides see it: in coarse steps, up or down by the place
+    std::vector<double> bright_;               // per patch: luminance of what it reflects
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
     ReflectedLight coarse_luxels_;             // with direct light as luxels of twice the size would show it
     std::vector<StoredSum> gathered_, smoothed_;                  // per luxel: what its rays gathered; with what its neighbours tell
