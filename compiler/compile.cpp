@@ -76,12 +76,17 @@ Hash sky_key(const World& world) { // where 3D skies are, and where players star
         }
     return hash_bytes(w.bytes);
 }
+// What says of an entity whether its brushes are panes, and how much they hide (world/panes.h).
+void write_pane_keys(ByteWriter& w, const World& world, EntityId id) {
+    for (const char* key : {"_shadow", "vrad_brush_cast_shadows", "rendermode", "renderamt", "alpha", "_alpha"}) w(std::string(world.entities[id.at()].get(key)));
+    w(id.value == 0);
+}
 Hash smoothing_key(const World& world) { // keys of entities that steer surfaces
     ByteWriter w;
     for (const WorldBrush& b : world.brushes) {
         const WorldEntity& e = world.entities[b.entity.at()];
-        for (const char* key : {"_phong", "_phong_angle", "_phong_angle_concave", "_phong_group", "_shadow", "vrad_brush_cast_shadows", "rendermode", "renderamt", "alpha", "_alpha"}) w(std::string(e.get(key)));
-        w(b.entity.value == 0);
+        for (const char* key : {"_phong", "_phong_angle", "_phong_angle_concave", "_phong_group"}) w(std::string(e.get(key)));
+        write_pane_keys(w, world, b.entity);
     }
     return hash_bytes(w.bytes);
 }
@@ -108,9 +113,7 @@ Hash without_overlays(Surfaces& s, Hash all_of_it) {
 // and opacity.
 Hash panes_key(const World& world, const Surfaces& s) {
     const auto entity = [&](ByteWriter& w, EntityId id) {
-        if (!id.valid()) return;
-        for (const char* key : {"_shadow", "vrad_brush_cast_shadows", "rendermode", "renderamt", "alpha", "_alpha"}) w(std::string(world.entities[id.at()].get(key)));
-        w(id.value == 0);
+        if (id.valid()) write_pane_keys(w, world, id);
     };
     ByteWriter w;
     w(world.format);

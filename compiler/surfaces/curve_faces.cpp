@@ -2,6 +2,7 @@
 #include "compiler/csg/box_tree.h"
 #include "compiler/surfaces/charts.h"
 #include "compiler/surfaces/curves.h"
+#include "compiler/world/panes.h"
 #include "libs/core/check.h"
 #include "libs/parallel/parallel.h"
 #include <algorithm>
@@ -471,9 +472,7 @@ bool curve_blocks_light(const World& world, const CurveGrid& g) {
     if (g.kind == Curve::displacement) {
         shadow = world.brushes[world.brush_of(g.side).at()].casts_light_shadow;
     } else {
-        const WorldEntity& e = world.entities[world.patches[g.source].entity.at()];
-        const double asked = e.number("_shadow", 0);
-        shadow = g.model.value == 0 ? asked != -1 : asked == 1 || e.number("vrad_brush_cast_shadows", 0) == 1;
+        shadow = casts_shadow(world.entities[world.patches[g.source].entity.at()], g.model.value != 0);
     }
     return (f & kLightBlocker) || (!clear && shadow);
 }

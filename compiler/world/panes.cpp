@@ -16,10 +16,6 @@ double entity_opacity(const WorldEntity& e, MapFormat format) {
     if (alpha > 0) return std::min(alpha, 1.0);
     return e.get("_alpha").empty() ? 1 : std::clamp(e.number("_alpha", 1), 0.0, 1.0);
 }
-bool casts(const WorldEntity& e, bool model) {
-    const double asked = e.number("_shadow", 0);
-    return model ? asked == 1 || e.number("vrad_brush_cast_shadows", 0) == 1 : asked != -1;
-}
 bool thin(const Material& m) { return (m.flags & (kTranslucent | kAlphaTested)) || m.alpha < 1; }
 // Of glass of which nothing but that is known, all light passes.
 bool stated(const Material& m) { return m.alpha_stated || m.alpha < 1 || !m.opacity_map.empty(); }
@@ -34,7 +30,7 @@ std::optional<double> pane_opacity(const World& world, const Material& m, Entity
     const WorldEntity* e = entity.valid() ? &world.entities[entity.at()] : nullptr;
     const double of_entity = e && !wall && entity.value != 0 ? entity_opacity(*e, world.format) : 1;
     if (!(thin(m) && stated(m)) && of_entity >= 1) return {};
-    if (e && !casts(*e, model)) return {};
+    if (e && !casts_shadow(*e, model)) return {};
     return of_entity;
 }
 

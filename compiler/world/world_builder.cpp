@@ -4,6 +4,7 @@
 #include "compiler/world/entity_classes.h"
 #include "compiler/world/omitted_layers.h"
 #include "compiler/world/overlays.h"
+#include "compiler/world/panes.h"
 #include "compiler/world/regions.h"
 #include "compiler/world/row_flags.h"
 #include "compiler/world/side_list.h"
@@ -311,7 +312,7 @@ private:
         brush.contents = kind.contents;
         brush.model = id<ModelId>(0); // add_entity knows better
         brush.entity = id<EntityId>(entity);
-        brush.casts_light_shadow = kind.blocks_light && casts_shadow(e, use);
+        brush.casts_light_shadow = kind.blocks_light && casts_shadow(e, use == BrushUse::model);
         brush.draws = kind.draws;
         brush.collides = (kind.blocks & kBlocksPlayers) != 0;
         brush.blocks = kind.blocks;
@@ -443,12 +444,6 @@ private:
     bool faded_by_portal(const DocEntity& e) const {
         const std::string_view name = e.get("targetname");
         return !name.empty() && portal_windows_.contains(lower_case(name));
-    }
-
-    static bool casts_shadow(const DocEntity& e, BrushUse use) {
-        const double asked = e.number("_shadow", 0);
-        if (use == BrushUse::model) return asked == 1 || e.number("vrad_brush_cast_shadows", 0) == 1;
-        return asked != -1;
     }
 
     void report_counts() {

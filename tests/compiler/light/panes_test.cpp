@@ -330,7 +330,8 @@ TEST(Panes, AnOpaqueOneSealsARoom) {
             float most = 0, lit = 0;
             for (const Luxel& l : b->scene.surfaces.luxels) {
                 const float light = max_component(b->lighting.flat[texel_of(b->scene.surfaces, l)]);
-                (center_of(b->scene.surfaces, l).x > 190 ? most : lit) = std::max(center_of(b->scene.surfaces, l).x > 190 ? most : lit, light);
+                float& side = center_of(b->scene.surfaces, l).x > 190 ? most : lit;
+                side = std::max(side, light);
             }
             EXPECT_EQ(most, 0) << luxel << " " << seed;
             EXPECT_GT(lit, 1);
