@@ -317,7 +317,7 @@ Result<bool> compile(const CompileInput& input, const CompileOptions& options, c
     out.portals = vis_portals(out.bsp);
     if (done(Stage::bsp)) return true;
 
-    const auto surfaces = stages.run(Stage::surfaces, 11, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
+    const auto surfaces = stages.run(Stage::surfaces, 12, all(*bsp, *csg, geometry, curves_key(world), smoothing_key(world), overlays_key(world), options.surfaces), places, out.surfaces,
                                      [&] { return build_surfaces(world, out.csg, out.bsp, options.surfaces, context); });
     if (!surfaces) return surfaces.fault();
     if (done(Stage::surfaces)) return true;

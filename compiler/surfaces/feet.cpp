@@ -7,10 +7,14 @@
 namespace kiln {
 namespace {
 
-// Terrain has no inside. Each of its triangles stands for a prism of this height behind it, in map units: less than
-// anything thick, and wider than what rounds its corners.
+// A curve has no inside. Each of its triangles stands for a prism of this height behind it, in map units: less than anything thick, and wider than
+// what rounds its corners. Prisms of terrain point along the normal of its base, so that those of neighbours have a side in common; but where it stands
+// upright on that (cosine below kUpright), and in patches, which have no base, each along its own. The line along which the triangles meet a face has
+// no hole for either: prisms of neighbours hold their common edge exactly. With its own normal a triangle whose border lies in a face may lean so that
+// nothing of its prism does; so what ends there goes on by as much as it is thick.
 constexpr double kBehind = 1.0 / 8;
-constexpr int kFineBits = 10; // corners of terrain lie on multiples of 2^-10 map units here, as finely as any plane point
+constexpr double kUpright = 0.1;
+constexpr int kFineBits = 10; // corners of curves lie on multiples of 2^-10 map units here, as finely as any plane point
 
 bool opaque(Contents c) { return c == Contents::solid || c == Contents::detail; }
 
@@ -47,7 +51,6 @@ __int128 height(const ExactPlane& plane, const GridPoint& p) {
 Feet::Feet(const World& world, const Csg& csg, const CurveGrids& grids, const PlaneTable& planes, PlaneTable* own)
     : planes_(planes), own_(own), sets_(1) {
     number_of_[{}] = 0;
-    std::vector<Box3> boxes;
     for (std::size_t b = 0; b < csg.brushes.size(); ++b) {
         const WorldBrush& brush = world.brushes[b];
         const BrushPolytope& polytope = csg.brushes[b];
@@ -59,31 +62,53 @@ Feet::Feet(const World& world, const Csg& csg, const CurveGrids& grids, const Pl
         blocker.owner = brush.model.value;
         if (solid) blocker.model = brush.model;
         for (const PlanePolygon& face : polytope.faces) blocker.planes.push_back(face.support);
-        boxes.push_back(polytope.bounds);
+        blocker.box = polytope.bounds;
     }
+    std::vector<std::uint32_t> blocking; // grids
+    std::map<std::array<std::uint32_t, 2>, std::uint32_t> uses; // of edges, by vertices, by triangles of all of them
+    const auto edge_of = [](const std::array<std::uint32_t, 3>& t, std::size_t k) { return std::array{std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])}; };
     for (std::uint32_t g = 0; g < grids.grids.size(); ++g) {
+        if (!curve_blocks_light(world, grids.grids[g])) continue;
+        blocking.push_back(g);
+        for (const std::array<std::uint32_t, 3>& t : curve_triangles(grids.grids[g]))
+            for (std::size_t k = 0; k < 3; ++k) ++uses[edge_of(t, k)];
+    }
+    const auto add = [&](std::uint32_t owner, const std::array<Vec3, 3>& corner, Vec3 front) {
+        Blocker blocker;
+        blocker.owner = owner, blocker.curve = true, blocker.corner = corner;
+        for (std::size_t k = 0; k < 3; ++k) {
+            blocker.down[k] = -std::llround(std::ldexp(front[k] * kBehind, kFineBits));
+            blocker.box.add(corner[k] - front * (2 * kBehind)), blocker.box.add(corner[k] + front * (2 * kBehind));
+        }
+        blockers_.push_back(std::move(blocker));
+    };
+    for (const std::uint32_t g : blocking) {
         const CurveGrid& grid = grids.grids[g];
-        if (grid.kind != Curve::displacement || !curve_blocks_light(world, grid)) continue;
-        const Vec3 n = csg.planes.normal(grid.base_plane);
-        std::array<std::int64_t, 3> down{};
-        for (std::size_t k = 0; k < 3; ++k) down[k] = -std::llround(std::ldexp(n[k] * kBehind, kFineBits));
         for (const std::array<std::uint32_t, 3>& t : curve_triangles(grid)) {
-            Blocker blocker;
-            blocker.owner = world.model_count + g, blocker.terrain = true, blocker.down = down;
-            Box3 box;
-            for (std::size_t k = 0; k < 3; ++k) {
-                blocker.corner[k] = grids.positions[t[k]];
-                box.add(blocker.corner[k]), box.add(blocker.corner[k] - n * (2 * kBehind)), box.add(blocker.corner[k] + n * (2 * kBehind));
+            const std::array<Vec3, 3> corner{grids.positions[t[0]], grids.positions[t[1]], grids.positions[t[2]]};
+            const Vec3 across = cross(corner[1] - corner[0], corner[2] - corner[0]);
+            if (!(length(across) > 0)) continue;
+            const Vec3 front = normalize(across), base = grid.kind == Curve::displacement ? csg.planes.normal(grid.base_plane) : Vec3{};
+            const std::uint32_t owner = world.model_count + g;
+            if (dot(front, base) > kUpright) {
+                add(owner, corner, base);
+                continue;
             }
-            blockers_.push_back(std::move(blocker));
-            boxes.push_back(box);
+            add(owner, corner, front);
+            for (std::size_t k = 0; k < 3; ++k) {
+                if (uses[edge_of(t, k)] > 1) continue;
+                const Vec3 a = corner[k], b = corner[(k + 1) % 3], on = normalize(cross(b - a, front)) * kBehind;
+                add(owner, {b, a, a + on}, front), add(owner, {b, a + on, b + on}, front);
+            }
         }
     }
+    std::vector<Box3> boxes;
+    for (const Blocker& b : blockers_) boxes.push_back(b.box);
     tree_ = std::make_unique<csg_detail::BoxTree>(boxes);
 }
 
-// The planes of the prism behind a triangle. None where it has no volume, being upright over its base, or is so large
-// (over 2^14 units) that its planes would not fit the table.
+// The planes of the prism behind a triangle. None where it has no area on the fine grid, or is so large (over 2^14 units) that its planes would not fit
+// the table.
 void Feet::ask(Blocker& b) {
     b.asked = true;
     std::array<GridPoint, 3> top, bottom;
@@ -125,17 +150,22 @@ std::uint32_t Feet::with(std::uint32_t under, std::uint32_t owner) {
 }
 
 std::vector<Feet::Part> Feet::cut(ModelId model, const PlanePolygon& polygon) {
-    Box3 box;
-    for (const Vec3& p : points(planes_, polygon)) box.add(p);
-    tree_->query(box, near_);
+    const auto box_of = [&](const PlanePolygon& p) {
+        Box3 box;
+        for (const Vec3& v : points(planes_, p)) box.add(v);
+        return box;
+    };
+    const Box3 whole = box_of(polygon);
+    tree_->query(whole, near_);
     const Vec3 n = planes_.normal(polygon.support);
     const double d = planes_.distance(polygon.support);
     std::vector<Part> parts;
+    std::vector<Box3> boxes; // of the parts
     std::vector<PlanePolygon> outside;
     for (const std::uint32_t i : near_) {
         Blocker& b = blockers_[i];
         if (b.model.valid() && b.model == model) continue;
-        if (b.terrain && !b.asked) {
+        if (b.curve && !b.asked) {
             double lo = 1e300, hi = -1e300;
             for (const Vec3& p : b.corner) lo = std::min(lo, dot(n, p) - d), hi = std::max(hi, dot(n, p) - d);
             if (lo > 2 * kBehind || hi < -2 * kBehind) continue; // surely apart
@@ -144,6 +174,7 @@ std::vector<Feet::Part> Feet::cut(ModelId model, const PlanePolygon& polygon) {
         if (b.planes.empty()) continue;
         if (std::ranges::find(b.planes, polygon.support) != b.planes.end()) continue; // it looks away from the face, as the face does
         for (std::size_t p = 0, count = std::max<std::size_t>(parts.size(), 1); p < count; ++p) {
+            if (!overlap(parts.empty() ? whole : boxes[p], b.box)) continue;
             PlanePolygon inside = parts.empty() ? polygon : parts[p].polygon;
             outside.clear();
             bool stands = true;
@@ -158,10 +189,10 @@ std::vector<Feet::Part> Feet::cut(ModelId model, const PlanePolygon& polygon) {
                 inside = std::move(*halves.back);
             }
             if (!stands) continue;
-            if (parts.empty()) parts.push_back({polygon, 0});
+            if (parts.empty()) parts.push_back({polygon, 0}), boxes.push_back(whole);
             const std::uint32_t under = parts[p].under;
-            parts[p] = {std::move(inside), with(under, b.owner)};
-            for (PlanePolygon& o : outside) parts.push_back({std::move(o), under});
+            boxes[p] = box_of(inside), parts[p] = {std::move(inside), with(under, b.owner)};
+            for (PlanePolygon& o : outside) boxes.push_back(box_of(o)), parts.push_back({std::move(o), under});
         }
     }
     return parts;

@@ -70,8 +70,8 @@ Result<Surfaces> build_surfaces(const World& world, const Csg& csg, const Bsp& b
     add_displacements(world, csg, grids, context);
     add_patches(world, options.curve_flatness, grids, context);
     add_touching(grids);
-    std::optional<PlaneTable> own; // where terrain stands on faces it brings planes of its own
-    if (!world.displacements.empty()) own = bsp.planes;
+    std::optional<PlaneTable> own; // where curves stand on faces they bring planes of their own
+    if (!grids.grids.empty()) own = bsp.planes;
     const PlaneTable& planes = own ? *own : bsp.planes; // those of csg and more
     Feet feet(world, csg, grids, planes, own ? &*own : nullptr);
     VertexTable vertices(planes);

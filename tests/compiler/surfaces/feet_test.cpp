@@ -1,5 +1,7 @@
-// What stands on a face and casts shadows parts its charts: doors, light blockers, terrain.
+// What stands on a face and casts shadows parts its charts: doors, light blockers, terrain, patches.
 #include "tests/compiler/surfaces/build.h"
+#include "tests/support/curves.h"
+#include <numbers>
 
 namespace kiln {
 namespace {
@@ -206,6 +208,81 @@ TEST(Feet, TerrainPartsFaces) {
         EXPECT_NEAR(area_of(s, faces_on(s, {0, 0, 1}, 0)), kFloorX * kFloorY, 1e-6);
         EXPECT_EQ(unmatched_hull_edges(s), 0u);
     }
+}
+
+// A cliff of terrain: one of its strips stands exactly upright on its base, and its ends lie in two walls.
+TEST(Feet, TerrainUprightOnItsBasePartsWalls) {
+    WorldBuilder b;
+    b.room({0, 0, 0}, {kFloorX, kFloorY, kHeight});
+    b.point_entity("info_player_start", {16, 64, 48});
+    const SideId side = displaced_box(b, {0, 0, -8}, {kFloorX, kFloorY, 16}, 2, [](double, double) { return 0.0; });
+    DocDisplacement& grid = b.world.displacements[0].grid;
+    ASSERT_EQ(b.world.sides[side.at()].displacement, 0);
+    for (std::size_t row = 0; row < 5; ++row) // the columns at 0 and 64 stay, that at 128 goes above the one at 64, those behind it go up
+        for (std::size_t column = 2; column < 5; ++column) {
+            const Vec3 by{column == 2 ? -64. : 0., 0, 48};
+            grid.normals[row * 5 + column] = normalize(by), grid.distances[row * 5 + column] = length(by);
+        }
+    const Built built = build(b.world);
+    const Surfaces& s = built.surfaces;
+    for (const auto& faces : {faces_on(s, {0, 1, 0}, 0), faces_on(s, {0, -1, 0}, -kFloorY)}) {
+        ASSERT_EQ(faces.size(), 4u); // above, below, and strips right behind it, which touch in a point where it turns up
+        std::vector<double> areas;
+        for (const FaceId f : faces) areas.push_back(s.faces[f.at()].area);
+        std::ranges::sort(areas);
+        const double strips = areas[0] + areas[1], below = 64 * 16 + (kFloorX - 64) * 64;
+        EXPECT_NEAR(strips, (kFloorX + 48) / 8, 1);
+        EXPECT_NEAR(areas[3], below - strips, 1);
+        EXPECT_NEAR(areas[2], kFloorX * kHeight - below, 1);
+    }
+    EXPECT_EQ(unmatched_hull_edges(s), 0u);
+}
+
+// A sheet of patches across a room that meets two walls at an angle, seen from either side, with light or without.
+TEST(Feet, APatchPartsFaces) {
+    for (const bool turned : {false, true})
+        for (const bool clear : {false, true}) {
+            WorldBuilder b;
+            b.room({0, 0, 0}, {kFloorX, kFloorY, kHeight});
+            b.point_entity("info_player_start", {16, 64, 48}), b.point_entity("info_player_start", {240, 64, 48});
+            const MaterialId material = b.material("curve", clear ? std::uint32_t{kTranslucent} : 0);
+            patch(b, 3, 3, [&](std::uint32_t column, std::uint32_t row) {
+                const double y = kFloorY * (turned ? 2 - column : column) / 2;
+                return Vec3{90 + y / 2, y, kHeight * row / 2};
+            }, material);
+            const Surfaces s = build(b.world).surfaces;
+            for (const auto& faces : {faces_on(s, {0, 0, 1}, 0), faces_on(s, {0, 0, -1}, -kHeight), faces_on(s, {0, 1, 0}, 0), faces_on(s, {0, -1, 0}, -kFloorY)}) {
+                ASSERT_EQ(faces.size(), clear ? 1u : 3u) << turned;
+                if (clear) continue;
+                std::vector<double> areas;
+                std::vector<ChartId> charts;
+                for (const FaceId f : faces) areas.push_back(s.faces[f.at()].area), charts.push_back(s.faces[f.at()].chart);
+                std::ranges::sort(areas), std::ranges::sort(charts);
+                EXPECT_LT(areas[0], 0.4 * kFloorY) << turned; // the strip
+                EXPECT_GT(areas[1], 90 * kHeight - 64) << turned;
+                EXPECT_TRUE(charts[0] != charts[1] && charts[1] != charts[2]) << turned;
+            }
+            EXPECT_NEAR(area_of(s, faces_on(s, {0, 0, 1}, 0)), kFloorX * kFloorY, 1e-6);
+            EXPECT_EQ(unmatched_hull_edges(s), 0u);
+        }
+}
+
+// Round a column of eight pieces the light is one; beneath it there is nothing else, as it has no inside.
+TEST(Feet, ARoundColumnOfPatches) {
+    WorldBuilder b;
+    sealed_room(b, {0, 0, 0}, {256, 256, 128});
+    const Vec2 ring[] = {{1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}, {0, -1}, {1, -1}, {1, 0}};
+    patch(b, 9, 3, [&](std::uint32_t column, std::uint32_t row) { return Vec3{110 + 24 * ring[column].x, 120 + 24 * ring[column].y, 64. * row / 2}; });
+    const Surfaces s = build(b.world).surfaces;
+    const auto floor = faces_on(s, {0, 0, 1}, 0);
+    ASSERT_EQ(floor.size(), 3u); // around it, within it, and a ring right behind it
+    std::vector<double> areas;
+    for (const FaceId f : floor) areas.push_back(s.faces[f.at()].area);
+    std::ranges::sort(areas);
+    EXPECT_NEAR(areas[0], 2 * std::numbers::pi * 24 / 8, 2);       // the ring
+    EXPECT_NEAR(areas[0] + areas[1], 10. / 3 * 24 * 24, 20); // four parabolas, in chords
+    EXPECT_NEAR(areas[0] + areas[1] + areas[2], 65536, 1e-6);
+    EXPECT_EQ(unmatched_hull_edges(s), 0u);
 }
 
 } // namespace

@@ -4,6 +4,7 @@
 #include "compiler/light/patches.h"
 #include "compiler/light/shown.h"
 #include "libs/sampling/sobol.h"
+#include "tests/support/curves.h"
 #include <fmt/format.h>
 #include <numbers>
 
@@ -178,6 +179,37 @@ LeakMap terrain_wall(double thickness, double at, double bump) {
     return m;
 }
 
+// A sheet of patches from floor to ceiling, bent by `bump`, nothing solid beside it; its front to the bright room or to the dark one.
+LeakMap patch_wall(double at, double bump, bool front_to_dark) {
+    LeakMap m = plain(fmt::format("patches from wall to wall at {}, bent by {}, front to the {} room", at, bump, front_to_dark ? "dark" : "bright"));
+    const auto point = [=](std::uint32_t column, std::uint32_t row) {
+        const double y = kHi.y * (front_to_dark ? column : 4 - column) / 4;
+        return Vec3{at + (column == 1 ? bump : column == 3 ? -bump : 0), y, kHi.z * row / 2};
+    };
+    test::patch(m.builder, 5, 3, point);
+    const double most = std::abs(bump) + 0.25;
+    m.dark = within({at + most, 0, 0}, kHi), m.bright = within(kLo, {at - most, kHi.y, kHi.z});
+    reach(m, {16, 64, 48}), reach(m, {176, 64, 48});
+    m.lamps = {{20, 40, 60}, {40, 100, 20}};
+    return m;
+}
+
+// A round shaft of patches that look inwards, dark within: from floor to ceiling, or up to `top` under a lid.
+LeakMap patch_column(double radius, double top) {
+    LeakMap m = plain(fmt::format("patches round a shaft of {}, {} high", radius, top));
+    const Vec3 centre{110.3125, 60.6875, 0};
+    const Vec2 ring[] = {{1, 0}, {1, -1}, {0, -1}, {-1, -1}, {-1, 0}, {-1, 1}, {0, 1}, {1, 1}, {1, 0}};
+    test::patch(m.builder, 9, 3, [&](std::uint32_t column, std::uint32_t row) { return centre + Vec3{ring[column].x * radius, ring[column].y * radius, top * row / 2}; });
+    if (top < kHi.z) m.builder.box({centre.x - radius - 8, centre.y - radius - 8, top}, {centre.x + radius + 8, centre.y + radius + 8, top + 1});
+    const auto from_centre = [=](Vec3 p) { return std::hypot(p.x - centre.x, p.y - centre.y); };
+    // Chords lie within the curve, by less than a unit.
+    m.dark = [=, in = within(kLo, {kHi.x, kHi.y, top})](Vec3 p) { return in(p) && from_centre(p) < radius - 1; };
+    m.bright = [=, in = within(kLo, kHi)](Vec3 p) { return in(p) && from_centre(p) > 1.5 * radius; };
+    reach(m, {16, 64, 48}), reach(m, centre + Vec3{0, 0, top / 2});
+    m.lamps = {{20, 40, 60}, {170, 100, 20}};
+    return m;
+}
+
 // A wall with a doorway and what fills it, flush or thinner: a door of its own model, or a brush drawn as a grate without a hole.
 LeakMap door(double wall_thickness, double door_thickness, double at, bool grate = false) {
     LeakMap m = plain(fmt::format("{} of {} in a wall of {} at {}", grate ? "grate" : "door", door_thickness, wall_thickness, at));
@@ -220,6 +252,9 @@ std::vector<LeakMap> leak_maps() {
     maps.push_back(terrain_wall(4, 93.6875, 0));
     maps.push_back(terrain_wall(0.25, 93.6875, 6));
     maps.push_back(terrain_wall(2, 97.4375, 3));
+    for (const bool front_to_dark : {false, true}) maps.push_back(patch_wall(93.6875, 0, front_to_dark)), maps.push_back(patch_wall(97.4375, 20, front_to_dark));
+    maps.push_back(patch_column(24, kHi.z));
+    maps.push_back(patch_column(6, 48));
     for (const double thickness : {8.0, 1.0, 0.25}) maps.push_back(door(8, thickness, 93.6875, true));
     maps.push_back(door(0.25, 0.25, 97.4375, true));
     maps.push_back(door(8, 8, 93.6875));
@@ -310,8 +345,8 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
         }
         if (all_dark) out.luxel = std::max(out.luxel, most(l.flat[c.texel(x.x, x.y)]) / brightest);
     }
-    for (std::size_t p = 0; p < l.patches.size(); ++p)
-        if (m.dark(l.patches[p].centroid + s.faces[l.patches[p].face.at()].normal * (2 * kInside)))
+    for (std::size_t p = 0; p < l.patches.size(); ++p) // the middle of a curved one lies off it: its luxels stand for it
+        if (!s.faces[l.patches[p].face.at()].curved() && m.dark(l.patches[p].centroid + s.faces[l.patches[p].face.at()].normal * (2 * kInside)))
             out.patch = std::max(out.patch, most(l.radiosity[p]) / brightest);
 
     const LightField field(world, *bsp, bsp->planes, s, lights, l);

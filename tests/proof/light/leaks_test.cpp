@@ -33,6 +33,7 @@ TEST(LeaksOfLight, AboveAndBelowASlab) { EXPECT_EQ(expect_dark("dark "), 6u); }
 TEST(LeaksOfLight, DetailWalls) { EXPECT_EQ(expect_dark("detail wall"), 12u); }
 TEST(LeaksOfLight, FansOfWalls) { EXPECT_EQ(expect_dark("fan"), 3u); }
 TEST(LeaksOfLight, Terrain) { EXPECT_EQ(expect_dark("terrain"), 4u); }
+TEST(LeaksOfLight, Patches) { EXPECT_EQ(expect_dark("patches"), 6u); }
 TEST(LeaksOfLight, GratesWithoutAHole) { EXPECT_EQ(expect_dark("grate"), 4u); }
 TEST(LeaksOfLight, Doors) { EXPECT_EQ(expect_dark("door"), 4u); }
 

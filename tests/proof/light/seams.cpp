@@ -92,11 +92,15 @@ SeamMap terrain(double luxel, double height) {
     return m;
 }
 
-SeamMap curves(double luxel_a, double luxel_b) { // a wave of two patches
+SeamMap curves(double luxel_a, double luxel_b) { // a wave of two patches, through which the pillar comes: its sides are dark below it
     SeamMap m = room(fmt::format("two patches, luxels {}|{}", luxel_a, luxel_b));
     const auto wave = [](double x) { return 30 * std::sin(x / 70); };
     test::patch(m.builder, 5, 5, [&](std::uint32_t c, std::uint32_t r) { return Vec3{40 + 50.0 * c, 60 + 90.0 * r, wave(40 + 50.0 * c)}; }, {0}, luxel_a);
     test::patch(m.builder, 5, 5, [&](std::uint32_t c, std::uint32_t r) { return Vec3{240 + 50.0 * c, 60 + 90.0 * r, c == 1 ? 2 * wave(240) - wave(190) : wave(240 + 50.0 * c)}; }, {0}, luxel_b);
+    m.apart = [](Vec3 p) {
+        const auto side = [](double v, double lo, double hi) { return std::min(std::abs(v - lo), std::abs(v - hi)) < 1e-6; };
+        return (side(p.x, 196, 212) && p.y > 189 && p.y < 207) || (side(p.y, 190, 206) && p.x > 195 && p.x < 213);
+    };
     return m;
 }
 
