@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numeric>
 
 namespace kiln {
 namespace {
@@ -129,7 +130,16 @@ private:
     }
 };
 
+double mean_of(std::span<const double> values) {
+    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
 } // namespace
+
+double most_mean_square(std::span<const double> square) {
+    const Bounds b = bounds_of_mean(square, std::vector<double>(square.size(), 1), 0);
+    return mean_of(square) + std::max(b.above, b.below); // a stroke that speaks for less speaks for more as well
+}
 
 ShownTexels filtered_at(const Surfaces& s, const Lighting& light, const Density& texels, FaceId face, Vec3 point) {
     const ChartId chart = s.faces[face.at()].chart;
@@ -187,11 +197,8 @@ Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, con
                         if (scale > 0) sum += away(1) * away(2) / (3 * kAnswers * scale * scale);
                     }
             }
-            const std::vector<double> weight(square.size(), 1);
-            double sum = 0;
-            for (const double q : square) sum += q / static_cast<double>(square.size());
-            out.percent = std::max(out.percent, 100 * std::sqrt(std::max(0.0, sum)));
-            most = std::max(most, sum + bounds_of_mean(square, weight, 0).above);
+            out.percent = std::max(out.percent, 100 * std::sqrt(std::max(0.0, mean_of(square))));
+            most = std::max(most, most_mean_square(square));
         }
         out.high = 100 * std::sqrt(std::max(0.0, most));
         std::ranges::sort(relative);

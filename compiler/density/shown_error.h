@@ -11,6 +11,7 @@
 #include "compiler/density/density.h"
 #include "compiler/light/field.h"
 #include "compiler/light/memo.h"
+#include <span>
 
 namespace kiln {
 
@@ -28,6 +29,9 @@ struct ShownErrorOptions {
     double error_floor = 0.02; // of the mean light: what is darker is measured against that much
     std::uint64_t seed = 0;
 };
+// What the mean of the squares lies below with 95 %, where they are told by products of noisy answers: one rare stroke in an answer makes a product far below nothing.
+double most_mean_square(std::span<const double> square);
+
 // `memo`: of an earlier run with the same surfaces: what rays met is taken over.
 Result<ShownError> shown_error(const World& world, const Surfaces& surfaces, const Lighting& lighting, const Density& texels, const LightField& field,
                                const ShownErrorOptions& options, Context& context, Memo* memo = nullptr);

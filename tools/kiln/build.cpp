@@ -178,8 +178,9 @@ Command build_command(CLI::App& app) {
             const ErrorReport& e = c.lighting.error;
             console.say(fmt::format("{}: {:.2f} MB, light error about {:.1f} %, at most {:.1f} % (asked for {:g} %), ambient {:.0f} %", output,
                                     static_cast<double>(c.level.size()) / 1e6, e.estimate, e.high, e.target, c.ambient.error_estimate));
-            console.say(fmt::format("{} luxels shown by {} texels; with filtering off by about {:.1f} %, on 95 % of the area by less than {:.1f} %", c.surfaces.texel_count,
-                                    c.density.grids.empty() ? c.surfaces.texel_count : c.density.flat.size(), c.density.shown.percent, c.density.shown.p95));
+            const ShownError& shown = c.density.shown; // the likeliest is 0 where noise hides what there is
+            console.say(fmt::format("{} luxels shown by {} texels; with filtering off by {} {:.1f} %, on 95 % of the area by less than {:.1f} %", c.surfaces.texel_count,
+                                    c.density.grids.empty() ? c.surfaces.texel_count : c.density.flat.size(), shown.percent > 0 ? "about" : "at most", shown.percent > 0 ? shown.percent : shown.high, shown.p95));
             if (o->require_error > 0 && e.high > o->require_error)
                 return console.fail(fault(Exit::quality, "error-above-gate",
                                           fmt::format("the error of the light is at most {:.2f} % (about {:.2f} %), allowed are {:g} %", e.high, e.estimate, o->require_error),

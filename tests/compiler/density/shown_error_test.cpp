@@ -87,5 +87,15 @@ TEST(ShownError, SeesThatAGridIsTooCoarse) {
     EXPECT_NEAR(others.percent, coarse.percent, 0.15 * coarse.percent);
 }
 
+// One ray in many meets a bright spot: products of answers then fall far below nothing, and that tells as little against an error as for one.
+TEST(ShownError, ARareStrokeDoesNotHideWhatItMayBe) {
+    std::vector<double> square(1000, 0.04);
+    EXPECT_NEAR(most_mean_square(square), 0.04, 1e-9);
+    square[17] = -100; // the mean is below 0
+    EXPECT_GT(most_mean_square(square), 0.04);
+    square[17] = 100; // the same stroke the other way: as far above, and more, as what is skewed so is
+    EXPECT_GT(most_mean_square(square), 0.14 + 1.64 * 0.1);
+}
+
 } // namespace
 } // namespace kiln
