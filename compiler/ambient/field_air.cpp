@@ -182,11 +182,12 @@ Air air_of(const Bsp& bsp, const PlaneTable& planes, const Surfaces& surfaces, c
         scene.closest(origins, directions, met);
         for (std::size_t i = 0; i < met.size(); ++i) hits[i] = air_hit(met[i], directions[i]);
     };
-    // Detail brushes do not show in the tree: where a leaf holds brushes, most of a few rays must meet fronts.
-    air.leaf_of = [&bsp, &planes, closest = air.closest_of_many](Vec3 point) {
+    // Neither detail brushes nor terrain show in the tree: where a leaf holds brushes, and in all maps with terrain, most of a few rays must meet fronts.
+    const bool terrain = std::ranges::any_of(surfaces.curves, [](const Curve& c) { return c.kind == Curve::displacement; });
+    air.leaf_of = [&bsp, &planes, terrain, closest = air.closest_of_many](Vec3 point) {
         const LeafId leaf = leaf_at(bsp, planes, point);
         if (!leaf.valid() || !is_air(bsp.leaves[leaf.at()])) return kNoLeaf;
-        if (!bsp.leaves[leaf.at()].brushes.empty()) {
+        if (terrain || !bsp.leaves[leaf.at()].brushes.empty()) {
             static const std::array<Vec3, 4> kWays{normalize(Vec3{0.48, 0.6, 0.64}), normalize(Vec3{-0.6, -0.64, 0.48}), normalize(Vec3{0.64, -0.48, -0.6}), normalize(Vec3{-0.52, 0.24, -0.82})};
             std::array<std::optional<AirHit>, 4> hits;
             closest(point, kWays, hits);

@@ -112,6 +112,7 @@ private:
     void lay_out();
     void sample(Work& work) const;
     void look(Work& work) const;
+    void settle_cells(std::size_t begin, std::size_t end);
     void shape(std::size_t first);
     void light_sites();
     void measure(Work& work) const;
@@ -261,6 +262,22 @@ void Builder::look(Work& work) const {
         std::sort(sorted.begin(), sorted.end());
         return std::unique(sorted.begin(), sorted.end()) - sorted.begin();
     };
+    // No corner is usable, and neither would be the air itself, as in a hollow behind terrain: nobody is in it, and one place that sees all of it answers for it.
+    if (!finest && std::ranges::all_of(sees, [](std::uint8_t s) { return s == 0; })) {
+        const Vec3 middle = box_of(work).center();
+        const Vec3 place = *std::ranges::min_element(points, {}, [&](Vec3 p) { return kiln::dot(p - middle, p - middle); });
+        const auto from_place = [&](const std::vector<Vec3>& all) {
+            air_.clear_each(std::vector<Vec3>(all.size(), place), all, clear);
+            work.rays += all.size();
+            return std::ranges::all_of(clear, [](std::uint8_t c) { return c != 0; });
+        };
+        if (sees_backs(air_, place, work.rays) && from_place(points) && from_place(border)) {
+            Variant& alone = work.variants.emplace_back();
+            alone.mask = 0xFF, alone.own = 0;
+            work.own.push_back(place);
+            return;
+        }
+    }
     Sides sides;
     Blocked blocked;
     for (int round = 0;; ++round) {
@@ -352,44 +369,53 @@ void Builder::split(std::size_t w) {
     }
 }
 
+// Cells of a round, in order: what of them is air, their corners, and which of those their air may use.
+void Builder::settle_cells(std::size_t begin, std::size_t end) {
+    const std::size_t first_site = sites_.size();
+    const auto key = [&](const Work& w) { return seed(w.at, mix(0x73u, std::uint64_t(w.size))); };
+    parallel_for(context_, end - begin, [&](std::size_t i) {
+        Work& w = work_[begin + i];
+        w.known = recall(key(w), w.state, w.samples, w.volume, w.variants, w.own, w.rays);
+        if (!w.known) sample(w);
+    });
+    for (std::size_t w = begin; w < end; ++w) {
+        Work& work = work_[w];
+        if (work.state == State::no_air) continue;
+        for (std::int32_t c = 0; c < 8; ++c) {
+            const Grid g{work.at[0] + (c & 1) * work.size, work.at[1] + (c >> 1 & 1) * work.size,
+                         work.at[2] + (c >> 2) * work.size};
+            const auto [at, fresh] = corner_.try_emplace(g, static_cast<std::uint32_t>(sites_.size()));
+            if (fresh) {
+                Site site;
+                site.position = place(g), site.seed = seed(g, 0);
+                sites_.push_back(std::move(site));
+            }
+            work.corners[static_cast<std::size_t>(c)] = at->second;
+        }
+    }
+    parallel_for(context_, sites_.size() - first_site, [&](std::size_t i) {
+        Site& s = sites_[first_site + i];
+        if (recall(mix(s.seed, 0x74u), s.position, s.usable, s.invalid_share, s.rays)) return;
+        settle(air_, finest_ / 2, s);
+        keep(mix(s.seed, 0x74u), s.position, s.usable, s.invalid_share, s.rays);
+    });
+    parallel_for(context_, end - begin, [&](std::size_t i) {
+        Work& w = work_[begin + i];
+        if (w.known) return;
+        if (w.state == State::cell) look(w);
+        std::erase_if(w.samples, [&](const Sample& s) { return w.state != State::cell || !(s.volume > 0); });
+        w.samples.shrink_to_fit();
+        keep(key(w), w.state, w.samples, w.volume, w.variants, w.own, w.rays);
+    });
+}
+
 // Settles all cells from index `first` on, splitting where visibility asks for it, one level after the other.
 void Builder::shape(std::size_t first) {
+    // At once: points that a cell is looked at by are some thousand bytes, and millions of cells come in one round where terrain goes on for miles.
+    constexpr std::size_t kAtOnce = 16384;
     while (first < work_.size()) {
-        const std::size_t last = work_.size(), first_site = sites_.size();
-        const auto key = [&](const Work& w) { return seed(w.at, mix(0x73u, std::uint64_t(w.size))); };
-        parallel_for(context_, last - first, [&](std::size_t i) {
-            Work& w = work_[first + i];
-            w.known = recall(key(w), w.state, w.samples, w.volume, w.variants, w.own, w.rays);
-            if (!w.known) sample(w);
-        });
-        for (std::size_t w = first; w < last; ++w) {
-            Work& work = work_[w];
-            if (work.state == State::no_air) continue;
-            for (std::int32_t c = 0; c < 8; ++c) {
-                const Grid g{work.at[0] + (c & 1) * work.size, work.at[1] + (c >> 1 & 1) * work.size,
-                             work.at[2] + (c >> 2) * work.size};
-                const auto [at, fresh] = corner_.try_emplace(g, static_cast<std::uint32_t>(sites_.size()));
-                if (fresh) {
-                    Site site;
-                    site.position = place(g), site.seed = seed(g, 0);
-                    sites_.push_back(std::move(site));
-                }
-                work.corners[static_cast<std::size_t>(c)] = at->second;
-            }
-        }
-        parallel_for(context_, sites_.size() - first_site, [&](std::size_t i) {
-            Site& s = sites_[first_site + i];
-            if (recall(mix(s.seed, 0x74u), s.position, s.usable, s.invalid_share, s.rays)) return;
-            settle(air_, finest_ / 2, s);
-            keep(mix(s.seed, 0x74u), s.position, s.usable, s.invalid_share, s.rays);
-        });
-        parallel_for(context_, last - first, [&](std::size_t i) {
-            Work& w = work_[first + i];
-            if (w.known) return;
-            if (w.state == State::cell) look(w);
-            std::erase_if(w.samples, [&](const Sample& s) { return w.state != State::cell || !(s.volume > 0); });
-            keep(key(w), w.state, w.samples, w.volume, w.variants, w.own, w.rays);
-        });
+        const std::size_t last = work_.size();
+        for (std::size_t begin = first; begin < last; begin += kAtOnce) settle_cells(begin, std::min(last, begin + kAtOnce));
         for (std::size_t w = first; w < last; ++w) {
             if (work_[w].state == State::split) {
                 split(w);

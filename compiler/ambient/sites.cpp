@@ -41,6 +41,10 @@ Look look(const Air& air, Vec3 p, double reach, std::uint64_t& rays) {
 
 } // namespace
 
+bool sees_backs(const Air& air, Vec3 p, std::uint64_t& rays) {
+    return look(air, p, 0, rays).back_share > kTolerated;
+}
+
 void settle(const Air& air, double reach, Site& site) {
     const Vec3 wanted = site.position;
     const auto take = [&](Vec3 p) {

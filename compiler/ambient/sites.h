@@ -40,6 +40,8 @@ struct Site {
 
 // Finds the usable place of a corner, at most `reach` from where the lattice has it.
 void settle(const Air& air, double reach, Site& site);
+// Does a place see faces from behind, as no usable place does? Adds the rays it takes.
+bool sees_backs(const Air& air, Vec3 p, std::uint64_t& rays);
 void light_up(const Air& air, const AmbientOptions& options, Site& site);
 
 } // namespace kiln::ambient

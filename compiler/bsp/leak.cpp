@@ -285,7 +285,7 @@ std::string name_of_unsealing(const World& world, BrushId brush) {
     // An entity names itself; what it holds is told where its name does not.
     if (b.entity.value == 0) return fmt::format("{} brush {} ({})", kind(), at.brush, line);
     const std::string_view name = e.get("classname", "entity");
-    const bool told = b.contents == Contents::solid || b.contents == Contents::detail;
+    const bool told = opaque(b.contents);
     return fmt::format("{}{} {} ({})", told && !b.displaced ? "" : kind() + " of ", name, at.brush, line);
 }
 

@@ -14,7 +14,6 @@
 namespace kiln {
 namespace {
 
-bool opaque(Contents c) { return c == Contents::solid || c == Contents::detail; }
 bool liquid(Contents c) { return c == Contents::water || c == Contents::slime || c == Contents::lava; }
 bool fills(Contents c) { return opaque(c) || liquid(c) || c == Contents::window || c == Contents::grate; }
 

@@ -16,7 +16,6 @@ constexpr double kBehind = 1.0 / 8;
 constexpr double kUpright = 0.1;
 constexpr int kFineBits = 10; // corners of curves lie on multiples of 2^-10 map units here, as finely as any plane point
 
-bool opaque(Contents c) { return c == Contents::solid || c == Contents::detail; }
 
 // In front of a sky, water or glass nothing is shadowed by them: only what is solid or meant to block, and panes that nothing comes through.
 bool casts(const World& world, const WorldBrush& brush) {
@@ -29,6 +28,14 @@ bool casts(const World& world, const WorldBrush& brush) {
         return opacity && opaque_pane(m, *opacity);
     };
     return std::ranges::any_of(std::span(world.sides).subspan(brush.first_side, brush.side_count), side_casts);
+}
+
+bool casts(const World& world, const CurveGrid& grid) {
+    const Material& m = world.materials[grid.material.at()];
+    std::optional<double> opacity;
+    if (grid.kind == Curve::displacement) opacity = pane_opacity(world, m, world.brushes[world.brush_of(grid.side).at()]);
+    else opacity = pane_opacity(world, m, world.patches[grid.source].entity, grid.model.value != 0, false);
+    return opacity && !never_drawn(m) ? opaque_pane(m, *opacity) : curve_blocks_light(world, grid);
 }
 
 GridPoint fine(Vec3 p) {
@@ -68,7 +75,7 @@ Feet::Feet(const World& world, const Csg& csg, const CurveGrids& grids, const Pl
     std::map<std::array<std::uint32_t, 2>, std::uint32_t> uses; // of edges, by vertices, by triangles of all of them
     const auto edge_of = [](const std::array<std::uint32_t, 3>& t, std::size_t k) { return std::array{std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])}; };
     for (std::uint32_t g = 0; g < grids.grids.size(); ++g) {
-        if (!curve_blocks_light(world, grids.grids[g])) continue;
+        if (!casts(world, grids.grids[g])) continue;
         blocking.push_back(g);
         for (const std::array<std::uint32_t, 3>& t : curve_triangles(grids.grids[g]))
             for (std::size_t k = 0; k < 3; ++k) ++uses[edge_of(t, k)];

@@ -11,7 +11,6 @@ namespace {
 
 using namespace verify;
 
-bool opaque(Contents c) { return c == Contents::solid || c == Contents::detail; }
 
 class Mesh {
 public:

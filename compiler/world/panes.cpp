@@ -36,7 +36,7 @@ std::optional<double> pane_opacity(const World& world, const Material& m, Entity
 
 std::optional<double> pane_opacity(const World& world, const Material& m, const WorldBrush& brush) {
     const bool model = brush.model.value != 0;
-    return pane_opacity(world, m, brush.entity, model, !model && (brush.contents == Contents::solid || brush.contents == Contents::detail));
+    return pane_opacity(world, m, brush.entity, model, !model && opaque(brush.contents));
 }
 
 bool opaque_pane(const Material& m, double opacity) {

@@ -40,6 +40,8 @@ enum class Contents : std::uint8_t {
 };
 constexpr std::size_t kContentsCount = 14;
 // Numbers are those of the level file and do not tell strength; strength() of csg.h does.
+// Hides what is behind it, whether it seals or not.
+inline bool opaque(Contents c) { return c == Contents::solid || c == Contents::detail; }
 
 // What a brush stops, beside light: bits of WorldBrush::blocks.
 enum BlocksBit : std::uint8_t { kBlocksPlayers = 1, kBlocksNpcs = 2, kBlocksBullets = 4, kBlocksSight = 8, kBlocksAll = 15 };

@@ -69,7 +69,7 @@ public:
         report_counts();
         bool any = false;
         for (const WorldBrush& b : world_.brushes)
-            any = any || (b.model.value == 0 && (b.contents == Contents::solid || b.contents == Contents::detail || b.displaced));
+            any = any || (b.model.value == 0 && (opaque(b.contents) || b.displaced));
         if (!any)
             return fault(Exit::geometry, "no-world-brushes",
                          "the world has no solid brush: there is nothing to compile",
@@ -392,7 +392,7 @@ private:
     }
 
     void apply(BrushUse use, BrushKind& kind, const DocEntity& e) const {
-        const bool wall = kind.contents == Contents::solid || kind.contents == Contents::detail;
+        const bool wall = opaque(kind.contents);
         const auto become = [&](Contents c) {
             kind.contents = c;
             kind.blocks = blocks_of(c, document_.format);

@@ -3,7 +3,9 @@
 #include "compiler/ambient/cube.h"
 #include "compiler/light/kept_rest.h"
 #include "compiler/light/memo.h"
+#include "libs/sampling/sobol.h"
 #include "tests/compiler/ambient/baked_world.h"
+#include "tests/support/curves.h"
 #include <numbers>
 
 namespace kiln {
@@ -113,6 +115,28 @@ TEST(AmbientBaked, NoCubeInsideDetail) {
     ASSERT_FALSE(ambient.cubes.empty());
     for (const AmbientCube& c : ambient.cubes)
         EXPECT_FALSE(c.position.x > 100 && c.position.x < 300 && c.position.y > 100 && c.position.y < 300 && c.position.z < 200);
+}
+
+// A hollow beneath terrain is nowhere anybody is: it gets few cells, however large, and what is above all the answers.
+TEST(AmbientBaked, FewCellsBeneathTerrain) {
+    test::WorldBuilder w;
+    const MaterialId grey = w.material("grey", 0, {0.5f, 0.5f, 0.5f});
+    w.room({0, 0, 0}, {1536, 1536, 1280}, 16, grey);
+    for (const bool right : {false, true})
+        test::displaced_box(w, {right ? 768. : 0., 0, 880}, {right ? 1536. : 768., 1536, 896}, 3, [](double x, double y) { return test::hills(x / 3, y / 3); }, grey, 64);
+    for (WorldSide& s : w.world.sides) s.lightmap_scale = 64;
+    w.point_entity("info_player_start", {700, 700, 1100});
+    w.point_entity("light", {700, 700, 1200}, {{"_light", "255 255 255 900"}});
+    const auto b = test::bake(w);
+    const Ambient ambient = ambient_of(*b, {.error_percent = 50});
+    std::size_t beneath = 0;
+    for (const AmbientCell& c : ambient.cells) beneath += c.lo.z + c.size < 840;
+    EXPECT_LT(beneath, 500u); // of the finest 24 x 24 x 13
+    const Sobol points(3);
+    for (std::uint32_t i = 0; i < 2048; ++i) {
+        const Vec3 p{1 + 1534 * points(i, 0), 1 + 1534 * points(i, 1), 950 + 300 * points(i, 2)};
+        EXPECT_TRUE(ambient_at(ambient, p).has_value()) << p.x << ' ' << p.y << ' ' << p.z;
+    }
 }
 
 // A floor goes on from a lit room into a dark one. At its rim and at the foot of the wall, lookups read texels that no face covers: these have nothing from beyond the wall.

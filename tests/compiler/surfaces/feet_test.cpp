@@ -238,22 +238,37 @@ TEST(Feet, TerrainUprightOnItsBasePartsWalls) {
     EXPECT_EQ(unmatched_hull_edges(s), 0u);
 }
 
-// A sheet of patches across a room that meets two walls at an angle, seen from either side, with light or without.
+// A sheet of patches across a room that meets two walls at an angle, seen from either side; of what lets light through or not.
 TEST(Feet, APatchPartsFaces) {
-    for (const bool turned : {false, true})
-        for (const bool clear : {false, true}) {
+    struct Case {
+        const char* what;
+        std::uint32_t flags;
+        float alpha;
+        bool stated, parts;
+    };
+    const Case cases[] = {
+        {"stone", 0, 1, false, true},
+        {"glass of which nothing is known", kTranslucent, 1, false, false},
+        {"glass", kTranslucent, 0.9f, true, false},
+        {"opaque glass", kTranslucent, 1, true, true},
+        {"a grate of half its area", kAlphaTested, 0.5f, true, false},
+        {"a grate without a hole", kAlphaTested, 1, true, true},
+    };
+    for (const Case& c : cases)
+        for (const bool turned : {false, true}) {
             WorldBuilder b;
             b.room({0, 0, 0}, {kFloorX, kFloorY, kHeight});
             b.point_entity("info_player_start", {16, 64, 48}), b.point_entity("info_player_start", {240, 64, 48});
-            const MaterialId material = b.material("curve", clear ? std::uint32_t{kTranslucent} : 0);
+            const MaterialId material = b.material("curve", c.flags);
+            b.world.materials[material.at()].alpha = c.alpha, b.world.materials[material.at()].alpha_stated = c.stated;
             patch(b, 3, 3, [&](std::uint32_t column, std::uint32_t row) {
                 const double y = kFloorY * (turned ? 2 - column : column) / 2;
                 return Vec3{90 + y / 2, y, kHeight * row / 2};
             }, material);
             const Surfaces s = build(b.world).surfaces;
             for (const auto& faces : {faces_on(s, {0, 0, 1}, 0), faces_on(s, {0, 0, -1}, -kHeight), faces_on(s, {0, 1, 0}, 0), faces_on(s, {0, -1, 0}, -kFloorY)}) {
-                ASSERT_EQ(faces.size(), clear ? 1u : 3u) << turned;
-                if (clear) continue;
+                ASSERT_EQ(faces.size(), c.parts ? 3u : 1u) << c.what << turned;
+                if (!c.parts) continue;
                 std::vector<double> areas;
                 std::vector<ChartId> charts;
                 for (const FaceId f : faces) areas.push_back(s.faces[f.at()].area), charts.push_back(s.faces[f.at()].chart);
