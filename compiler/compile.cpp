@@ -26,6 +26,11 @@ Hash geometry_key(const World& world) {
     w(world.materials, world.format, world.model_count);
     return hash_bytes(w.bytes);
 }
+// What says of an entity whether its brushes and patches are panes, and how much they hide (world/panes.h).
+void write_pane_keys(ByteWriter& w, const World& world, EntityId id) {
+    for (const char* key : {"_shadow", "vrad_brush_cast_shadows", "rendermode", "renderamt", "alpha", "_alpha"}) w(std::string(world.entities[id.at()].get(key)));
+    w(id.value == 0);
+}
 // The grids of displacements and patches, which only surfaces are made from; not where they stand.
 Hash curves_key(const World& world) {
     ByteWriter w;
@@ -36,7 +41,7 @@ Hash curves_key(const World& world) {
     for (const WorldPatch& p : world.patches) {
         const DocPatch& g = p.grid;
         w(p.model, p.material, p.lightmap_scale, g.columns, g.rows, g.points, g.uv, g.subdivisions);
-        for (const char* key : {"_shadow", "vrad_brush_cast_shadows"}) w(std::string(world.entities[p.entity.at()].get(key)));
+        write_pane_keys(w, world, p.entity);
     }
     return hash_bytes(w.bytes);
 }
@@ -75,11 +80,6 @@ Hash sky_key(const World& world) { // where 3D skies are, and where players star
             w(std::string(e.get("classname")), std::string(e.get("targetname")), e.line, e.id);
         }
     return hash_bytes(w.bytes);
-}
-// What says of an entity whether its brushes are panes, and how much they hide (world/panes.h).
-void write_pane_keys(ByteWriter& w, const World& world, EntityId id) {
-    for (const char* key : {"_shadow", "vrad_brush_cast_shadows", "rendermode", "renderamt", "alpha", "_alpha"}) w(std::string(world.entities[id.at()].get(key)));
-    w(id.value == 0);
 }
 Hash smoothing_key(const World& world) { // keys of entities that steer surfaces
     ByteWriter w;

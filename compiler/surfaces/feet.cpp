@@ -70,6 +70,8 @@ Feet::Feet(const World& world, const Csg& csg, const CurveGrids& grids, const Pl
         if (solid) blocker.model = brush.model;
         for (const PlanePolygon& face : polytope.faces) blocker.planes.push_back(face.support);
         blocker.box = polytope.bounds;
+        const Vec3 rounding{1e-6, 1e-6, 1e-6}; // of its corners, and of those of what it stands on
+        blocker.box.add(polytope.bounds.lo - rounding), blocker.box.add(polytope.bounds.hi + rounding);
     }
     std::vector<std::uint32_t> blocking; // grids
     std::map<std::array<std::uint32_t, 2>, std::uint32_t> uses; // of edges, by vertices, by triangles of all of them

@@ -123,6 +123,10 @@ TEST(Bake, AnyEditOnAWarmCacheGivesTheBytesOfACleanBuild) {
     const auto brush_entity = [](double x, const char* keys, const char* texture = "wall") {
         return std::string("{\n\"classname\" \"func_wall\"\n") + keys + box(x, 20, 20, x + 4, 60, 60, texture) + "}\n";
     };
+    const auto curve_entity = [](const char* keys) { // a sheet of patches on the floor
+        const std::string points = "( ( 90 20 0 0 0 ) ( 90 20 20 0 0 ) ( 90 20 40 0 0 ) )\n( ( 90 40 0 0 0 ) ( 90 40 20 0 0 ) ( 90 40 40 0 0 ) )\n( ( 90 60 0 0 0 ) ( 90 60 20 0 0 ) ( 90 60 40 0 0 ) )\n";
+        return std::string("{\n\"classname\" \"func_wall\"\n") + keys + "{\npatchDef2\n{\nwall\n( 3 3 0 0 0 )\n(\n" + points + ")\n}\n}\n}\n";
+    };
     const auto with = [](const std::string& brushes, const std::string& keys = "", const std::string& light = "\"light\" \"300\"\n") {
         return "{\n\"classname\" \"worldspawn\"\n" + keys + room(128, 96, 80) + box(60, 0, 0, 68, 40, 80) + box(60, 56, 0, 68, 96, 80) + brushes + "}\n" + entity("light", 30, 48, 60, light) +
                entity("info_player_start", 100, 48, 24);
@@ -145,6 +149,9 @@ TEST(Bake, AnyEditOnAWarmCacheGivesTheBytesOfACleanBuild) {
         {"brush entity moved", plain + brush_entity(96, "\"_shadow\" \"1\"\n"), lit, {}},
         {"brush entity without shadow", plain + brush_entity(90, ""), lit, {}},
         {"brush entity faded", plain + brush_entity(90, "\"_shadow\" \"1\"\n\"alpha\" \"0.5\"\n"), lit, {}},
+        {"curve", plain + curve_entity("\"_shadow\" \"1\"\n"), lit, {}},
+        {"curve without shadow", plain + curve_entity(""), lit, {}},
+        {"curve faded", plain + curve_entity("\"_shadow\" \"1\"\n\"alpha\" \"0.5\"\n"), lit, {}},
         {"sun", with(box(20, 20, 76, 40, 40, 80, "sky"), "\"_sunlight\" \"100\"\n\"_sunlight_mangle\" \"0 -70 0\"\n"), lit, {}},
         {"sun turned", with(box(20, 20, 76, 40, 40, 80, "sky"), "\"_sunlight\" \"100\"\n\"_sunlight_mangle\" \"30 -60 0\"\n"), lit, {}},
         {"sky", with(box(20, 20, 76, 40, 40, 80, "sky"), "\"_sunlight2\" \"100\"\n"), lit, {}},
