@@ -345,9 +345,19 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
         }
         if (all_dark) out.luxel = std::max(out.luxel, most(l.flat[c.texel(x.x, x.y)]) / brightest);
     }
-    for (std::size_t p = 0; p < l.patches.size(); ++p) // the middle of a curved one lies off it: its luxels stand for it
-        if (!s.faces[l.patches[p].face.at()].curved() && m.dark(l.patches[p].centroid + s.faces[l.patches[p].face.at()].normal * (2 * kInside)))
-            out.patch = std::max(out.patch, most(l.radiosity[p]) / brightest);
+    // The middle of what is bent, or goes round something, lies off it: a patch is dark where all its parts are.
+    std::vector<char> part_dark(l.patches.size(), 0), part_bright(l.patches.size(), 0);
+    for (const Luxel& x : s.luxels)
+        for (std::uint32_t k = x.first_piece; k < x.first_piece + x.piece_count; ++k) {
+            const std::uint32_t of_texel = l.patch_index[texel_of(s, x)], p = of_texel == UINT32_MAX - 1 ? l.piece_patch[k] : of_texel;
+            if (p >= l.patches.size()) continue;
+            const LuxelPiece& piece = s.pieces[k];
+            Vec2 middle;
+            for (const Vec2 v : points_of(s, piece)) middle = middle + v * (1.0 / static_cast<double>(points_of(s, piece).size()));
+            (m.dark(place(piece.face, middle) + s.faces[piece.face.at()].normal * (2 * kInside)) ? part_dark : part_bright)[p] = 1;
+        }
+    for (std::size_t p = 0; p < l.patches.size(); ++p)
+        if (part_dark[p] && !part_bright[p]) out.patch = std::max(out.patch, most(l.radiosity[p]) / brightest);
 
     const LightField field(world, *bsp, bsp->planes, s, lights, l);
     auto ambient = place_ambient(*bsp, bsp->planes, s, lights, field, {.error_percent = 30, .local_lights = 0, .rays = 32}, context);
