@@ -265,16 +265,16 @@ void Builder::look(Work& work) const {
     // No corner is usable, and neither would be the air itself, as in a hollow behind terrain: nobody is in it, and one place that sees all of it answers for it.
     if (!finest && std::ranges::all_of(sees, [](std::uint8_t s) { return s == 0; })) {
         const Vec3 middle = box_of(work).center();
-        const Vec3 place = *std::ranges::min_element(points, {}, [&](Vec3 p) { return kiln::dot(p - middle, p - middle); });
-        const auto from_place = [&](const std::vector<Vec3>& all) {
-            air_.clear_each(std::vector<Vec3>(all.size(), place), all, clear);
+        const Vec3 inside = *std::ranges::min_element(points, {}, [&](Vec3 p) { return kiln::dot(p - middle, p - middle); });
+        const auto sees_each = [&](const std::vector<Vec3>& all) {
+            air_.clear_each(std::vector<Vec3>(all.size(), inside), all, clear);
             work.rays += all.size();
             return std::ranges::all_of(clear, [](std::uint8_t c) { return c != 0; });
         };
-        if (sees_backs(air_, place, work.rays) && from_place(points) && from_place(border)) {
+        if (sees_backs(air_, inside, work.rays) && sees_each(points) && sees_each(border)) {
             Variant& alone = work.variants.emplace_back();
             alone.mask = 0xFF, alone.own = 0;
-            work.own.push_back(place);
+            work.own.push_back(inside);
             return;
         }
     }

@@ -113,8 +113,7 @@ Panes::OfFace Panes::of_face(const Face& face, std::vector<std::pair<std::uint32
     const WorldBrush* brush = nullptr;
     std::optional<double> opacity;
     if (face.curved() && surfaces_.curves[face.curve].kind == Curve::patch) {
-        const WorldPatch& patch = world_.patches[surfaces_.curves[face.curve].source];
-        opacity = pane_opacity(world_, m, patch.entity, patch.model.value != 0, false);
+        opacity = pane_opacity(world_, m, world_.patches[surfaces_.curves[face.curve].source]);
     } else if (face.side.valid() && !world_.brushes.empty()) {
         brush = &world_.brushes[world_.brush_of(face.side).at()];
         opacity = pane_opacity(world_, m, *brush);

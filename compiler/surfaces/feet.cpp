@@ -32,9 +32,7 @@ bool casts(const World& world, const WorldBrush& brush) {
 
 bool casts(const World& world, const CurveGrid& grid) {
     const Material& m = world.materials[grid.material.at()];
-    std::optional<double> opacity;
-    if (grid.kind == Curve::displacement) opacity = pane_opacity(world, m, world.brushes[world.brush_of(grid.side).at()]);
-    else opacity = pane_opacity(world, m, world.patches[grid.source].entity, grid.model.value != 0, false);
+    const auto opacity = grid.kind == Curve::displacement ? pane_opacity(world, m, world.brushes[world.brush_of(grid.side).at()]) : pane_opacity(world, m, world.patches[grid.source]);
     return opacity && !never_drawn(m) ? opaque_pane(m, *opacity) : curve_blocks_light(world, grid);
 }
 
@@ -73,15 +71,16 @@ Feet::Feet(const World& world, const Csg& csg, const CurveGrids& grids, const Pl
         const Vec3 rounding{1e-6, 1e-6, 1e-6}; // of its corners, and of those of what it stands on
         blocker.box.add(polytope.bounds.lo - rounding), blocker.box.add(polytope.bounds.hi + rounding);
     }
-    std::vector<std::uint32_t> blocking; // grids
-    std::map<std::array<std::uint32_t, 2>, std::uint32_t> uses; // of edges, by vertices, by triangles of all of them
+    std::vector<std::vector<std::array<std::uint32_t, 3>>> triangles(grids.grids.size()); // of what casts shadows
+    std::vector<std::array<std::uint32_t, 2>> edges;                                      // of those, once a triangle
     const auto edge_of = [](const std::array<std::uint32_t, 3>& t, std::size_t k) { return std::array{std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])}; };
-    for (std::uint32_t g = 0; g < grids.grids.size(); ++g) {
+    for (std::size_t g = 0; g < grids.grids.size(); ++g) {
         if (!casts(world, grids.grids[g])) continue;
-        blocking.push_back(g);
-        for (const std::array<std::uint32_t, 3>& t : curve_triangles(grids.grids[g]))
-            for (std::size_t k = 0; k < 3; ++k) ++uses[edge_of(t, k)];
+        triangles[g] = curve_triangles(grids.grids[g]);
+        for (const std::array<std::uint32_t, 3>& t : triangles[g])
+            for (std::size_t k = 0; k < 3; ++k) edges.push_back(edge_of(t, k));
     }
+    std::ranges::sort(edges);
     const auto add = [&](std::uint32_t owner, const std::array<Vec3, 3>& corner, Vec3 front) {
         Blocker blocker;
         blocker.owner = owner, blocker.curve = true, blocker.corner = corner;
@@ -91,9 +90,9 @@ Feet::Feet(const World& world, const Csg& csg, const CurveGrids& grids, const Pl
         }
         blockers_.push_back(std::move(blocker));
     };
-    for (const std::uint32_t g : blocking) {
+    for (std::uint32_t g = 0; g < grids.grids.size(); ++g) {
         const CurveGrid& grid = grids.grids[g];
-        for (const std::array<std::uint32_t, 3>& t : curve_triangles(grid)) {
+        for (const std::array<std::uint32_t, 3>& t : triangles[g]) {
             const std::array<Vec3, 3> corner{grids.positions[t[0]], grids.positions[t[1]], grids.positions[t[2]]};
             const Vec3 across = cross(corner[1] - corner[0], corner[2] - corner[0]);
             if (!(length(across) > 0)) continue;
@@ -105,7 +104,7 @@ Feet::Feet(const World& world, const Csg& csg, const CurveGrids& grids, const Pl
             }
             add(owner, corner, front);
             for (std::size_t k = 0; k < 3; ++k) {
-                if (uses[edge_of(t, k)] > 1) continue;
+                if (std::ranges::equal_range(edges, edge_of(t, k)).size() > 1) continue;
                 const Vec3 a = corner[k], b = corner[(k + 1) % 3], on = normalize(cross(b - a, front)) * kBehind;
                 add(owner, {b, a, a + on}, front), add(owner, {b, a + on, b + on}, front);
             }

@@ -39,6 +39,10 @@ std::optional<double> pane_opacity(const World& world, const Material& m, const 
     return pane_opacity(world, m, brush.entity, model, !model && opaque(brush.contents));
 }
 
+std::optional<double> pane_opacity(const World& world, const Material& m, const WorldPatch& patch) {
+    return pane_opacity(world, m, patch.entity, patch.model.value != 0, false);
+}
+
 bool opaque_pane(const Material& m, double opacity) {
     return m.alpha * opacity >= 1 && std::ranges::all_of(m.opacity_map.opacity, [](std::uint8_t texel) { return texel == 255; });
 }

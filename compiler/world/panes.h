@@ -17,8 +17,9 @@ template <class Entity> bool casts_shadow(const Entity& e, bool model) {
 // A side's or patch's material is a pane if it is translucent or alpha-tested and says how much it hides, or if its entity fades it, and it casts shadows.
 // The opacity that its entity gives it, 0..1; none: not a pane. `model`: of a brush entity; `wall`: of what hides the world behind it, which no entity fades.
 std::optional<double> pane_opacity(const World& world, const Material& material, EntityId entity, bool model, bool wall);
-// The same of the sides of a brush.
+// The same of the sides of a brush, and of a patch.
 std::optional<double> pane_opacity(const World& world, const Material& material, const WorldBrush& brush);
+std::optional<double> pane_opacity(const World& world, const Material& material, const WorldPatch& patch);
 
 // No light comes through a pane of this material, nowhere on it.
 bool opaque_pane(const Material& material, double opacity);

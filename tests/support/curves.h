@@ -41,6 +41,9 @@ inline void mixed_terrain(WorldBuilder& b, double top, const std::function<doubl
 }
 inline double hills(double x, double y) { return 30 * std::sin(x / 60) * std::cos(y / 45) + 20 * std::sin((x + y) / 37); }
 
+// Control points of a closed row of four pieces, all but round, counter-clockwise seen from above: the front of a patch of it is outside.
+inline constexpr std::array<Vec2, 9> kRing{Vec2{1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}, {0, -1}, {1, -1}, {1, 0}};
+
 // Control points point(column, row), both from 0.
 inline void patch(WorldBuilder& b, std::uint32_t columns, std::uint32_t rows, const std::function<Vec3(std::uint32_t, std::uint32_t)>& point,
                   MaterialId m = {0}, double luxel = 16) {

@@ -286,8 +286,7 @@ TEST(Feet, APatchPartsFaces) {
 TEST(Feet, ARoundColumnOfPatches) {
     WorldBuilder b;
     sealed_room(b, {0, 0, 0}, {256, 256, 128});
-    const Vec2 ring[] = {{1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}, {0, -1}, {1, -1}, {1, 0}};
-    patch(b, 9, 3, [&](std::uint32_t column, std::uint32_t row) { return Vec3{110 + 24 * ring[column].x, 120 + 24 * ring[column].y, 64. * row / 2}; });
+    patch(b, 9, 3, [&](std::uint32_t column, std::uint32_t row) { return Vec3{110 + 24 * kRing[column].x, 120 + 24 * kRing[column].y, 64. * row / 2}; });
     const Surfaces s = build(b.world).surfaces;
     const auto floor = faces_on(s, {0, 0, 1}, 0);
     ASSERT_EQ(floor.size(), 3u); // around it, within it, and a ring right behind it

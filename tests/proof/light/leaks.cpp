@@ -198,8 +198,10 @@ LeakMap patch_wall(double at, double bump, bool front_to_dark) {
 LeakMap patch_column(double radius, double top) {
     LeakMap m = plain(fmt::format("patches round a shaft of {}, {} high", radius, top));
     const Vec3 centre{110.3125, 60.6875, 0};
-    const Vec2 ring[] = {{1, 0}, {1, -1}, {0, -1}, {-1, -1}, {-1, 0}, {-1, 1}, {0, 1}, {1, 1}, {1, 0}};
-    test::patch(m.builder, 9, 3, [&](std::uint32_t column, std::uint32_t row) { return centre + Vec3{ring[column].x * radius, ring[column].y * radius, top * row / 2}; });
+    test::patch(m.builder, 9, 3, [&](std::uint32_t column, std::uint32_t row) {
+        const Vec2 at = test::kRing[8 - column] * radius;
+        return centre + Vec3{at.x, at.y, top * row / 2};
+    });
     if (top < kHi.z) m.builder.box({centre.x - radius - 8, centre.y - radius - 8, top}, {centre.x + radius + 8, centre.y + radius + 8, top + 1});
     const auto from_centre = [=](Vec3 p) { return std::hypot(p.x - centre.x, p.y - centre.y); };
     // Chords lie within the curve, by less than a unit.
@@ -317,6 +319,8 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
             for (std::size_t i = 0; i < 3; ++i) value = std::max(value, std::abs(static_cast<double>(e[i])));
         return value;
     };
+    // The middle of what is bent, or goes round something, lies off it: a patch is dark where all its parts are.
+    std::vector<char> part_dark(l.patches.size(), 0), part_bright(l.patches.size(), 0);
     for (const Luxel& x : s.luxels) {
         const Chart& c = s.charts[x.chart.at()];
         bool all_dark = true;
@@ -325,6 +329,8 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
             const PiecePoints p = points_of(s, piece);
             Vec2 middle;
             for (const Vec2 v : p) middle = middle + v * (1.0 / static_cast<double>(p.size()));
+            const std::uint32_t of_texel = l.patch_index[texel_of(s, x)], patch = of_texel == kMixedPatch ? l.piece_patch[x.first_piece + k] : of_texel;
+            if (patch < l.patches.size()) (m.dark(place(piece.face, middle) + s.faces[piece.face.at()].normal * (2 * kInside)) ? part_dark : part_bright)[patch] = 1;
             for (std::size_t i = 0; i < p.size(); ++i)
                 for (const Vec2 v : {p[i], (p[i] + p[(i + 1) % p.size()]) * 0.5})
                     for (const double in : {1e-4, 0.03, 0.5, 1.0}) {
@@ -345,17 +351,6 @@ LeakFound find_leaks(LeakMap m, double luxel_size, double error_percent) {
         }
         if (all_dark) out.luxel = std::max(out.luxel, most(l.flat[c.texel(x.x, x.y)]) / brightest);
     }
-    // The middle of what is bent, or goes round something, lies off it: a patch is dark where all its parts are.
-    std::vector<char> part_dark(l.patches.size(), 0), part_bright(l.patches.size(), 0);
-    for (const Luxel& x : s.luxels)
-        for (std::uint32_t k = x.first_piece; k < x.first_piece + x.piece_count; ++k) {
-            const std::uint32_t of_texel = l.patch_index[texel_of(s, x)], p = of_texel == UINT32_MAX - 1 ? l.piece_patch[k] : of_texel;
-            if (p >= l.patches.size()) continue;
-            const LuxelPiece& piece = s.pieces[k];
-            Vec2 middle;
-            for (const Vec2 v : points_of(s, piece)) middle = middle + v * (1.0 / static_cast<double>(points_of(s, piece).size()));
-            (m.dark(place(piece.face, middle) + s.faces[piece.face.at()].normal * (2 * kInside)) ? part_dark : part_bright)[p] = 1;
-        }
     for (std::size_t p = 0; p < l.patches.size(); ++p)
         if (part_dark[p] && !part_bright[p]) out.patch = std::max(out.patch, most(l.radiosity[p]) / brightest);
 

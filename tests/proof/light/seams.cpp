@@ -106,8 +106,7 @@ SeamMap curves(double luxel_a, double luxel_b) { // a wave of two patches, throu
 
 SeamMap tube(double luxel) {
     SeamMap m = room(fmt::format("tube of one patch, luxels {}", luxel), false);
-    constexpr std::array<Vec2, 9> kRing{Vec2{1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}, {0, -1}, {1, -1}, {1, 0}};
-    test::patch(m.builder, 9, 3, [&](std::uint32_t c, std::uint32_t r) { return Vec3{256 + 80 * kRing[c].x, 256 + 80 * kRing[c].y, -20 + 90.0 * r}; }, {0}, luxel);
+    test::patch(m.builder, 9, 3, [&](std::uint32_t c, std::uint32_t r) { return Vec3{256 + 80 * test::kRing[c].x, 256 + 80 * test::kRing[c].y, -20 + 90.0 * r}; }, {0}, luxel);
     return m;
 }
 
