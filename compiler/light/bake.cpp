@@ -437,6 +437,7 @@ void Bake::make_patches() {
     // First everything gathered, to know what is bright and what is dark; then the lights that deserve their own
     // rays.
     choose_lights(solve_gathered(rho));
+    plant_spot_trees();
     effort_.assign(n, 1);
     luxel_direct_all();
     rays_.assign(n, quality_.first_rays);
@@ -477,6 +478,7 @@ std::vector<Rgbd> Bake::solve_patches() {
     far_light(rows_, patches_, alone, table_, quality_.patch_size, &reflected_);
     bright_.clear();
     for (const Rgb& patch : reflected_.patch) bright_.push_back(mean(static_cast<Rgbd>(patch)));
+    find_spots();
     coarse_ = coarse_light(direct, first);
     coarse_luxels_ = coarse_luxels();
     if (memo_) note_solution();
@@ -581,11 +583,12 @@ Lighting Bake::run() {
         return pilot(one_in);
     };
     PilotResult check = gather();
-    // The estimate has the last word: noise comes in rare large strokes, which a first pass may miss.
-    constexpr int kTopUps = 3;
+    // The estimate has the last word: noise comes in rare large strokes, which a first pass may miss. Mostly it agrees after one or none.
+    constexpr int kTopUps = 8;
     const auto other = [&] { return check.bias * check.bias + check.shortcut * check.shortcut + solution * solution; }; // than noise
     for (int top_up = 0; top_up < kTopUps && check.noise * check.noise + other() > target * target; ++top_up) {
-        if (check.direct > 1.3 * kDirectShare * target) {
+        const bool direct = check.direct > 1.3 * kDirectShare * target;
+        if (direct) {
             luxel_direct(share_direct(check.direct, kDirectShare * target));
             check.direct = kDirectShare * target;
         }
@@ -593,7 +596,9 @@ Lighting Bake::run() {
         if (room < 0.04 * target * target) break; // more rays would not help
         // By what the rays that there are were to leave, and did: what a share goes by is known better after each.
         wanted = expected_noise() * std::min(0.8, 0.9 * std::sqrt(room) / check.gather);
+        const std::vector<std::uint32_t> before = rays_;
         check = gather();
+        if (!direct && rays_ == before) break; // there are as many as may be, or there is nothing to be had from them
     }
     store_luxels();
     fill();

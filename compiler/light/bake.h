@@ -5,6 +5,7 @@
 #include "compiler/light/memo.h"
 #include "compiler/light/patches.h"
 #include "compiler/light/sight.h"
+#include "compiler/light/spots.h"
 #include "libs/core/grouped.h"
 #include "libs/core/held.h"
 #include "libs/sampling/maps.h"
@@ -91,6 +92,7 @@ struct HemisphereMap {
         const double s = r2 > 0 ? std::sqrt(std::max(0.0, 1 - z * z) / r2) : 0;
         return {d.x * s, d.y * s, z};
     }
+    Vec2 square(Vec3 way) const; // of a direction above the horizon
     double density(double z) const { return (2 * a * z + 1 - a) * 0.15915494309189535; }
     // Where a cosine-distributed point of the square would have to lie for this map to give the same direction.
     Vec2 from_cosine(Vec2 square) const {
@@ -116,13 +118,23 @@ public:
     }
     void add(std::uint8_t cell, double light) { cell_[cell] += light; }
     void build();                               // blurs, normalises, mixes
-    Vec2 sample(Vec2 u, double* density) const; // density: of the primary square, >= kUniformShare
+    // After that: a rectangle of the square gets a share of the samples for itself; all shares together less than 1.
+    void add_spot(Vec2 lo, Vec2 hi, double share);
+    Vec2 sample(Vec2 u, double* density) const; // density: of the primary square, >= kUniformShare, or its square where there are spots
 
 private:
+    Vec2 sample_cells(Vec2 u, double* density) const;
+    double density_of_cells(Vec2 square) const;
+    struct Rectangle {
+        Vec2 lo, hi;
+        double share = 0;
+    };
     std::array<double, kSide * kSide> cell_{};
     std::array<double, kSide + 1> marginal_{};
     std::array<std::array<double, kSide + 1>, kSide> row_{};
     bool uniform_ = true;
+    std::vector<Rectangle> spots_;
+    double spot_share_ = 0;
 };
 
 struct LuxelGather {
@@ -323,6 +335,11 @@ private:
     std::vector<double> ray_noise() const;
     double expected_noise() const;
     void share_rays(double wanted);
+    // spots.cpp
+    Clusters clusters_of(std::span<const std::uint32_t> patches) const;
+    void plant_spot_trees();
+    void find_spots();
+    void add_spots(std::uint32_t patch, Guide* guide) const;
     // smooth.cpp
     void smooth();
     std::vector<std::uint8_t> luxels_within(int reach, const std::function<bool(std::uint32_t)>& these) const;
@@ -431,6 +448,10 @@ private:
     std::vector<std::shared_ptr<const ConeTable>> cones_;         // per chart; none: flat only
     ReflectedLight reflected_;
     std::vector<double> bright_;               // per patch: luminance of what it reflects
+    SpotTrees spot_trees_;                     // by the first of the clusters of the patches
+    LightSight::Sources spot_sources_;         // the trees
+    std::vector<Spot> spots_;
+    Grouped patch_spots_;                      // per patch: those it sees, strongest first
     ReflectedLight coarse_;                    // the same averaged over patches of twice the size
     ReflectedLight coarse_luxels_;             // with direct light as luxels of twice the size would show it
     std::vector<StoredSum> gathered_, smoothed_;                  // per luxel: what its rays gathered; with what its neighbours tell

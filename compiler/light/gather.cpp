@@ -31,8 +31,24 @@ constexpr double kLeastDetermination = 0.75;     // coefficient of determination
 constexpr double kNoiseRate = 0.65;     // noise of these bundles falls as N to the minus this
 } // namespace
 
+Vec2 HemisphereMap::square(Vec3 way) const {
+    const double z = std::max(0.0, way.z), across = std::sqrt(way.x * way.x + way.y * way.y);
+    if (!(across > 0)) return {0.5, 0.5};
+    const double r = std::sqrt(std::max(0.0, 1 - (a * z + 1 - a) * z));
+    // Shirley and Chiu's map, from the disc to the square.
+    const bool wide = std::abs(way.x) > std::abs(way.y);
+    const double along = std::abs(wide ? way.x : way.y), beside = std::abs(wide ? way.y : way.x), turn = atan2_upper(beside, along) * (4 / kPi);
+    const double x = std::copysign(wide ? r : r * turn, way.x), y = std::copysign(wide ? r * turn : r, way.y);
+    return {(x + 1) / 2, (y + 1) / 2};
+}
+
 void Guide::clear() {
     cell_.fill(0);
+    spots_.clear(), spot_share_ = 0;
+}
+
+void Guide::add_spot(Vec2 lo, Vec2 hi, double share) {
+    spots_.push_back({lo, hi, share}), spot_share_ += share;
 }
 
 void Guide::build() {
@@ -61,7 +77,31 @@ void Guide::build() {
     }
 }
 
+double Guide::density_of_cells(Vec2 square) const {
+    if (uniform_) return 1;
+    const std::size_t at = cell(square), x = at / kSide, y = at % kSide;
+    return (row_[x][y + 1] - row_[x][y]) * kSide * kSide / marginal_[kSide];
+}
+
 Vec2 Guide::sample(Vec2 u, double* density) const {
+    if (spots_.empty()) return sample_cells(u, density);
+    Vec2 out;
+    if (u.x < spot_share_) {
+        std::size_t k = 0;
+        for (; k + 1 < spots_.size() && u.x >= spots_[k].share; ++k) u.x -= spots_[k].share;
+        const Rectangle& r = spots_[k];
+        out = {r.lo.x + (r.hi.x - r.lo.x) * std::min(u.x / r.share, 1.0), r.lo.y + (r.hi.y - r.lo.y) * u.y};
+        *density = density_of_cells(out);
+    } else {
+        out = sample_cells({(u.x - spot_share_) / (1 - spot_share_), u.y}, density);
+    }
+    *density *= 1 - spot_share_;
+    for (const Rectangle& r : spots_)
+        if (out.x >= r.lo.x && out.x <= r.hi.x && out.y >= r.lo.y && out.y <= r.hi.y) *density += r.share / ((r.hi.x - r.lo.x) * (r.hi.y - r.lo.y));
+    return out;
+}
+
+Vec2 Guide::sample_cells(Vec2 u, double* density) const {
     *density = 1;
     if (uniform_) return u;
     const auto invert = [](const std::array<double, kSide + 1>& cdf, double v, std::size_t* cell) {
@@ -99,6 +139,7 @@ void Bake::patch_guide(std::uint32_t p, Guide* guide) const {
     for (const std::uint32_t q : neighbours_[p])
         if (receives(q)) add(q, 0.5);
     guide->build();
+    add_spots(p, guide);
 }
 
 // By what each brings to the luxels of the patch, in part by what it could bring to it; in a small part evenly, for what only a rim of it sees.

@@ -219,6 +219,7 @@ std::uint64_t Bake::gather_key(std::uint32_t p) const {
     std::uint64_t guide = guides_[p];
     for (const std::uint32_t q : neighbours_[p]) guide = mix(guide, guides_[q]);
     for (const std::uint32_t e : behind_[p]) guide = mix(guide, e + 1);
+    for (const std::uint32_t i : patch_spots_[p]) guide = mix(guide, hash_of(spots_[i]).low);
     return mix(base_, table_.low, p, emitters_hash_[p], rays_[p], guide, worth, std::bit_cast<std::uint64_t>(quality_.patch_size));
 }
 

@@ -18,21 +18,11 @@ Clusters sorted(Clusters clusters) {
     clusters.erase(std::unique(clusters.begin(), clusters.end()), clusters.end());
     return clusters;
 }
-
-// Those of several things; none as soon as nothing is known of one.
-class Together {
-public:
-    void add(const Clusters& some) {
-        known_ = known_ && !some.empty();
-        all_.insert(all_.end(), some.begin(), some.end());
-    }
-    Clusters clusters() { return known_ ? sorted(std::move(all_)) : Clusters{}; }
-
-private:
-    Clusters all_;
-    bool known_ = true;
-};
 } // namespace
+
+Clusters Together::clusters() {
+    return known_ ? sorted(std::move(all_)) : Clusters{};
+}
 
 LightSight::LightSight(const World& world, const Surfaces& surfaces, const Bsp& bsp, const Visibility* seen, const TraceScene& scene, const std::vector<Light>& lights, const EmitterSet& emitters)
     : bsp_(bsp) {
@@ -56,19 +46,27 @@ LightSight::LightSight(const World& world, const Surfaces& surfaces, const Bsp& 
             if (surfaces.faces[f].sky) sky_faces.add(of_face(surfaces, {f}));
     const Clusters sky = sky_faces.clusters();
     for (const Light& light : lights) from.push_back(light.kind == LightKind::point || light.kind == LightKind::spot ? at(light.position) : sky);
-    lights_ = table(from);
+    lights_ = sources(from);
     from.clear();
     for (const Emitter& e : emitters.emitters) from.push_back(of_face(surfaces, e.face));
-    emitters_ = table(from);
+    emitters_ = sources(from);
 }
 
-LightSight::Table LightSight::table(std::span<const Clusters> from) const {
-    Table out;
-    out.count = static_cast<std::uint32_t>(from.size()), out.words = (from.size() + 63) / 64;
+LightSight::Sources LightSight::sources(std::span<const Clusters> from) const {
+    Sources out;
+    out.count = static_cast<std::uint32_t>(from.size());
+    if (!seen_) return out;
+    out.words = (from.size() + 63) / 64;
     out.bits.resize(seen_->cluster_count * out.words);
-    for (std::size_t i = 0; i < from.size(); ++i)
+    const std::size_t words = seen_->words_per_row();
+    std::vector<std::uint64_t> seen(words);
+    for (std::size_t i = 0; i < from.size(); ++i) {
+        std::ranges::fill(seen, from[i].empty() ? ~std::uint64_t{0} : 0);
+        for (const std::uint32_t s : from[i])
+            for (std::size_t w = 0; w < words; ++w) seen[w] |= seen_->rows[s * words + w]; // rows are symmetric
         for (std::uint32_t c = 0; c < seen_->cluster_count; ++c)
-            if (from[i].empty() || std::ranges::any_of(from[i], [&](std::uint32_t s) { return seen_->sees(s, c); })) out.bits[c * out.words + i / 64] |= std::uint64_t{1} << (i % 64);
+            if (seen[c / 64] >> (c % 64) & 1) out.bits[c * out.words + i / 64] |= std::uint64_t{1} << (i % 64);
+    }
     return out;
 }
 

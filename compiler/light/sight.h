@@ -9,6 +9,20 @@ namespace kiln {
 // Clusters that hold a place, ascending; none: nothing is known of it, all may shine there.
 using Clusters = std::vector<std::uint32_t>;
 
+// Those of several things; none as soon as nothing is known of one.
+class Together {
+public:
+    void add(const Clusters& some) {
+        known_ = known_ && !some.empty();
+        all_.insert(all_.end(), some.begin(), some.end());
+    }
+    Clusters clusters();
+
+private:
+    Clusters all_;
+    bool known_ = true;
+};
+
 class LightSight {
 public:
     static constexpr double kHair = 1e-3; // map units: as far as the rows were opened for rounding
@@ -34,18 +48,14 @@ public:
         });
     }
     template <class Visit> void each_emitter(const Clusters& to, const Visit& visit) const { each(emitters_, to, visit); }
-
-private:
-    struct Table { // per cluster a row of bits
+    // Likewise of whatever else shines.
+    struct Sources { // per cluster a row of bits
         std::uint32_t count = 0;
         std::size_t words = 0;
         std::vector<std::uint64_t> bits;
     };
-    bool may(const Table& of, std::uint32_t which, const Clusters& to) const {
-        if (!seen_ || to.empty()) return true;
-        return std::ranges::any_of(to, [&](std::uint32_t c) { return of.bits[c * of.words + which / 64] >> (which % 64) & 1; });
-    }
-    template <class Visit> void each(const Table& of, const Clusters& to, const Visit& visit) const {
+    Sources sources(std::span<const Clusters> from) const; // one entry a source
+    template <class Visit> void each(const Sources& of, const Clusters& to, const Visit& visit) const {
         if (!seen_ || to.empty()) {
             for (std::uint32_t i = 0; i < of.count; ++i) visit(i);
             return;
@@ -56,13 +66,18 @@ private:
             for (; any; any &= any - 1) visit(static_cast<std::uint32_t>(w * 64) + static_cast<std::uint32_t>(std::countr_zero(any)));
         }
     }
-    Table table(std::span<const Clusters> from) const; // one entry a source
+
+private:
+    bool may(const Sources& of, std::uint32_t which, const Clusters& to) const {
+        if (!seen_ || to.empty()) return true;
+        return std::ranges::any_of(to, [&](std::uint32_t c) { return of.bits[c * of.words + which / 64] >> (which % 64) & 1; });
+    }
     Clusters on(const Surfaces& surfaces, FaceId face, Vec2 lo, Vec2 hi, double off) const; // a rectangle of luxels
 
     const Bsp& bsp_;
     Box3 box_; // beyond it the leaves at its rim have no portals
     const Visibility* seen_ = nullptr;
-    Table lights_, emitters_;
+    Sources lights_, emitters_;
     struct Reach { // of an entity: beyond it there is no light of it
         Vec3 from;
         double far = 1e150; // map units

@@ -1,3 +1,4 @@
+#include "compiler/light/halving.h"
 #include "compiler/light/path_tracer.h"
 #include "compiler/light/rivals/parts.h"
 #include "libs/parallel/parallel.h"
@@ -39,7 +40,7 @@ public:
             for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
             Box3 all;
             for (const VirtualLight& l : lights_) all.add(l.point);
-            normal_scale_ = length(all.size()) / 8; // opposite normals are as good as a quarter of the scene apart
+            normal_scale_ = normal_scale(all);
             nodes_.reserve(2 * lights_.size());
             build(order);
         }
@@ -138,7 +139,7 @@ private:
         for (const auto& list : found) lights_.insert(lights_.end(), list.begin(), list.end());
     }
 
-    // Halves along the longest extent of place and normal together; the node before its children.
+    // The node before its children.
     std::uint32_t build(std::span<std::uint32_t> part) {
         const auto id = static_cast<std::uint32_t>(nodes_.size());
         nodes_.emplace_back();
@@ -150,20 +151,8 @@ private:
             nodes_[id] = node;
             return id;
         }
-        std::array<double, 6> lo, hi;
-        lo.fill(1e300), hi.fill(-1e300);
-        const auto coordinate = [&](std::uint32_t i, std::size_t k) { return k < 3 ? lights_[i].point[k] : lights_[i].normal[k - 3] * normal_scale_; };
-        for (const std::uint32_t i : part)
-            for (std::size_t k = 0; k < 6; ++k) lo[k] = std::min(lo[k], coordinate(i, k)), hi[k] = std::max(hi[k], coordinate(i, k));
-        std::size_t axis = 0;
-        for (std::size_t k = 1; k < 6; ++k)
-            if (hi[k] - lo[k] > hi[axis] - lo[axis]) axis = k;
-        const std::size_t half = part.size() / 2;
-        std::nth_element(part.begin(), part.begin() + static_cast<std::ptrdiff_t>(half), part.end(), [&](std::uint32_t a, std::uint32_t b) {
-            const double x = coordinate(a, axis), y = coordinate(b, axis);
-            return x < y || (x == y && a < b);
-        });
-        node.left = build(part.first(half)), node.right = build(part.subspan(half));
+        const auto halves = halved(part, [&](std::uint32_t i, std::size_t k) { return k < 3 ? lights_[i].point[k] : lights_[i].normal[k - 3] * normal_scale_; });
+        node.left = build(halves[0]), node.right = build(halves[1]);
         const Node &a = nodes_[node.left], &b = nodes_[node.right];
         node.box = a.box, node.box.add(b.box);
         node.intensity = a.intensity + b.intensity;

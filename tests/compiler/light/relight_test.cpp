@@ -67,6 +67,18 @@ std::vector<Edit> edits() {
     all.push_back(e);
     return all;
 }
+// What guides know of something small and bright far off changes with its light.
+TEST(Relight, ASpotDownAHall) {
+    const LightOptions options{.error_percent = 5, .directional = Directional::all, .error_floor = 1e-6};
+    const auto lamps = [](float end, float near) { return std::vector<Light>{lamp_of_the_hall(end), point_light({6000, 256, 200}, {near, near, near})}; };
+    LightMemo memo = empty_memo();
+    (void)baked(lit_square_down_a_hall(), lamps(1e5f, 0), &memo, options);
+    for (const auto& edited : {lamps(1.0001e5f, 0), lamps(1.3e5f, 0), lamps(1.3e5f, 1e-3f), lamps(0, 1e-3f), lamps(1e5f, 0)}) {
+        memo = stored(memo);
+        EXPECT_EQ(baked(lit_square_down_a_hall(), edited, &memo, options), baked(lit_square_down_a_hall(), edited, nullptr, options));
+    }
+}
+
 // Of lamps that stand twice, one is taken away and another changed.
 TEST(Relight, EqualLampsAtOnePlace) {
     std::vector<Light> lamps = kLamps;

@@ -136,6 +136,25 @@ inline Light point_light(Vec3 at, Rgb intensity) {
     return l;
 }
 
+// A long black hall, and in the middle of one of its ends a square of 64 units that reflects: seen from the other end under less than a hundredth of a cell of a guide.
+constexpr double kHallLength = 6144;
+inline SurfacesBuilder lit_square_down_a_hall() {
+    SurfacesBuilder b;
+    const MaterialId black = b.material({}), grey = b.material({0.5f, 0.5f, 0.5f});
+    auto sides = all(black);
+    sides[0] = sides[1] = MaterialId{};
+    b.room({{0, 0, 0}, {kHallLength, 512, 256}}, sides, {.chart = false});
+    b.rect({0, 0, 0}, {0, 512, 0}, {0, 0, 256}, black, {.luxel = 64}, {Rect{224, 96, 288, 160}});
+    b.rect({kHallLength, 0, 0}, {0, 0, 256}, {0, 512, 0}, black, {.luxel = 64});
+    b.rect({0, 224, 96}, {0, 64, 0}, {0, 0, 64}, grey, {.luxel = 16});
+    return b;
+}
+inline Light lamp_of_the_hall(float intensity) { // shines on that end alone
+    Light lamp = point_light({96, 256, 128}, {intensity, intensity, intensity});
+    lamp.kind = LightKind::spot, lamp.direction = {-1, 0, 0}, lamp.cos_inner = lamp.cos_outer = 0.5;
+    return lamp;
+}
+
 struct Baked {
     SurfacesBuilder scene;
     std::vector<Light> lights;
