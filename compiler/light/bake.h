@@ -124,7 +124,7 @@ public:
 
 private:
     Vec2 sample_cells(Vec2 u, double* density) const;
-    double density_of_cells(Vec2 square) const;
+    double density_of_cell(std::size_t x, std::size_t y) const { return uniform_ ? 1 : (row_[x][y + 1] - row_[x][y]) * kSide * kSide / marginal_[kSide]; }
     struct Rectangle {
         Vec2 lo, hi;
         double share = 0;

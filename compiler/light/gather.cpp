@@ -77,12 +77,6 @@ void Guide::build() {
     }
 }
 
-double Guide::density_of_cells(Vec2 square) const {
-    if (uniform_) return 1;
-    const std::size_t at = cell(square), x = at / kSide, y = at % kSide;
-    return (row_[x][y + 1] - row_[x][y]) * kSide * kSide / marginal_[kSide];
-}
-
 Vec2 Guide::sample(Vec2 u, double* density) const {
     if (spots_.empty()) return sample_cells(u, density);
     Vec2 out;
@@ -91,7 +85,8 @@ Vec2 Guide::sample(Vec2 u, double* density) const {
         for (; k + 1 < spots_.size() && u.x >= spots_[k].share; ++k) u.x -= spots_[k].share;
         const Rectangle& r = spots_[k];
         out = {r.lo.x + (r.hi.x - r.lo.x) * std::min(u.x / r.share, 1.0), r.lo.y + (r.hi.y - r.lo.y) * u.y};
-        *density = density_of_cells(out);
+        const std::size_t at = cell(out);
+        *density = density_of_cell(at / kSide, at % kSide);
     } else {
         out = sample_cells({(u.x - spot_share_) / (1 - spot_share_), u.y}, density);
     }
@@ -115,7 +110,7 @@ Vec2 Guide::sample_cells(Vec2 u, double* density) const {
     std::size_t x = 0, y = 0;
     const double sx = invert(marginal_, u.x, &x);
     const double sy = invert(row_[x], u.y, &y);
-    *density = (row_[x][y + 1] - row_[x][y]) * kSide * kSide / marginal_[kSide];
+    *density = density_of_cell(x, y);
     return {sx, sy};
 }
 

@@ -13,6 +13,10 @@ constexpr double kLeast = 0.25;
 constexpr double kSmall = 0.04; // radius over distance: half of a guide's cell
 constexpr double kSteps = 4;    // of shares, an octave: a little more light changes nothing
 constexpr std::uint32_t kGroup = 32;
+
+double half_diagonal(const Patch& patch) { // of a square
+    return std::sqrt(patch.area / 2);
+}
 } // namespace
 
 struct SpotTrees::View {
@@ -63,8 +67,7 @@ std::uint32_t SpotTrees::build(std::span<std::uint32_t> part, std::span<const Pa
     for (const std::uint32_t i : part) box.add(patches[i].centroid);
     double area = 0, radius = 0;
     for (const std::uint32_t i : part) {
-        const double a = patches[i].area;
-        area += a, radius = std::max(radius, length(patches[i].centroid - box.center()) + std::sqrt(a / 2)); // half the diagonal of a square
+        area += patches[i].area, radius = std::max(radius, length(patches[i].centroid - box.center()) + half_diagonal(patches[i]));
     }
     const Node node{static_cast<Vec3f>(box.center()), static_cast<float>(radius), first, static_cast<std::uint32_t>(part.size())};
     const bool in_group = !groups_.empty() && nodes_[groups_.back()].first + nodes_[groups_.back()].count > first;
@@ -95,7 +98,6 @@ void SpotTrees::shine(std::span<const double> radiance) {
 
 void SpotTrees::may_be_spots(std::size_t g, std::span<const std::uint32_t> trees, double least_irradiance, std::vector<std::uint32_t>& out) const {
     out.clear();
-    if (!(least_irradiance > 0)) return;
     const Node& group = nodes_[groups_[g]];
     const auto whole = [&](std::uint32_t id) {
         out.push_back(id);
@@ -199,7 +201,7 @@ void Bake::add_spots(std::uint32_t p, Guide* guide) const {
         const Spot& s = spots_[i];
         const Vec3 to = s.center - patch.centroid;
         const Frame around = frame_around(normalize(to));
-        const double radius = s.radius + std::sqrt(static_cast<double>(patch.area) / 2);
+        const double radius = s.radius + half_diagonal(patch);
         constexpr int kRim = 8;
         Vec2 lo{1, 1}, hi{0, 0};
         for (int k = 0; k < kRim; ++k) {

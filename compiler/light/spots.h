@@ -28,7 +28,7 @@ public:
     // Patches of one place that lie together, each in one group: what may be a spot for one of them is looked for once.
     std::size_t groups() const { return groups_.size(); }
     std::span<const std::uint32_t> group(std::size_t g) const { return patches_of(groups_[g]); }
-    // `trees`: to look in. `least_irradiance`: of the patches of the group. Out: nodes, for find().
+    // `trees`: to look in. `least_irradiance`: of the patches of the group, above 0. Out: nodes, for find().
     void may_be_spots(std::size_t group, std::span<const std::uint32_t> trees, double least_irradiance, std::vector<std::uint32_t>& out) const;
     // Spots above the horizon of a place of a patch of that group, with its irradiance; strongest first.
     void find(std::span<const std::uint32_t> may, Vec3 point, Vec3 normal, double irradiance, std::vector<Spot>& out) const;
