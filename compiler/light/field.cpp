@@ -174,7 +174,7 @@ void LightField::arriving(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint
     arriving_direct(point, normal, seed, arrival);
     const FieldBundle met = bundle(point, normal, rays, seed);
     const std::vector<Rgbd> radiance = reflected(met);
-    arriving(met, radiance, emitters(met, radiance, point, normal, seed), normal, seed, arrival, [&](Vec3 way, Rgbd weight) {
+    arriving(met, radiance, emitters(met, level(met, radiance, normal, seed), point, normal, seed), normal, seed, arrival, [&](Vec3 way, Rgbd weight) {
         if (max_component(weight) > 0) arrival(way, weight);
     });
 }
@@ -297,9 +297,21 @@ std::vector<Rgbd> LightField::reflected(const FieldBundle& bundle) const {
     return radiance;
 }
 
-// Emitters but the sky whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see
-// them at all.
-FieldEmitters LightField::emitters(const FieldBundle& bundle, std::span<const Rgbd> reflected, Vec3 point, Vec3 normal, std::uint64_t seed) const {
+double LightField::level(const FieldBundle& bundle, std::span<const Rgbd> reflected, Vec3 normal, std::uint64_t seed) const {
+    const std::vector<Emitter>& all = data_->emitters.emitters;
+    if (all.empty()) return 0;
+    const Ways ways(normal, static_cast<std::uint32_t>(bundle.place.size()), seed);
+    const auto k = [&](std::uint32_t i) { return ways.solid[i] * (normal == Vec3{} ? 0.25 : dot(ways.direction[i], normal)); }; // mean of max(0, cos) over axes
+    Rgbd total;
+    for (std::uint32_t i = 0; i < reflected.size(); ++i) total += reflected[i] * k(i);
+    for (const FieldBundle::Shining& s : bundle.shining) total += static_cast<Rgbd>(s.share) * all[s.emitter].radiance * k(s.ray);
+    const double e = mean(total);
+    return e > 0 ? std::exp2(std::ceil(std::log2(e))) : 0;
+}
+
+// Emitters but the sky whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see them: together no more than the bundle
+// has. Where there are more emitters than that, which of them is asked is drawn by what they would bring, those that the test rays missed in a smaller part.
+FieldEmitters LightField::emitters(const FieldBundle& bundle, double level, Vec3 point, Vec3 normal, std::uint64_t seed) const {
     const Data& d = *data_;
     FieldEmitters out;
     const std::vector<Emitter>& all = d.emitters.emitters;
@@ -307,40 +319,66 @@ FieldEmitters LightField::emitters(const FieldBundle& bundle, std::span<const Rg
     const bool free = normal == Vec3{};
     const Vec3 x = d.origin_at(point, normal);
     const auto rays = static_cast<std::uint32_t>(bundle.place.size());
-    const Ways ways(normal, rays, seed);
-    const auto k = [&](std::uint32_t i) { return ways.solid[i] * (free ? 0.25 : dot(ways.direction[i], normal)); }; // mean of max(0, cos) over axes
-    Rgbd total;
-    for (std::uint32_t i = 0; i < rays; ++i) total += reflected[i] * k(i);
-    std::vector<std::uint8_t> met(all.size());
-    for (const FieldBundle::Shining& s : bundle.shining) total += static_cast<Rgbd>(s.share) * all[s.emitter].radiance * k(s.ray), met[s.emitter] = 1;
-    const double e = mean(total), background = e / kPi;
-    const std::uint32_t samples = std::clamp(rays / 32, 4u, 64u);
-    for (std::uint32_t i = 0; i < all.size(); ++i) {
-        const Emitter& emitter_i = all[i];
-        if (emitter_i.sky) continue; // see Bake::threshold
-        const double contrast = mean(emitter_i.radiance) - background;
-        if (contrast <= 0) continue;
-        const double least =
-            0.003 * e * std::sqrt(static_cast<double>(rays)) / (0.5 * kPi * contrast); // of sqrt(F)
-        if (d.emitters.bound(i, x, normal) <= std::min(0.5, least * least)) continue;
+    struct Candidate {
+        std::uint32_t emitter = 0;
+        double brings = 0; // mean irradiance, were nothing between, over pi; then by how much it is worth to be asked
+    };
+    constexpr double kMiddle = 1 / std::numbers::sqrt2; // of the octave below the level
+    thread_local std::vector<Candidate> candidates;
+    candidates.clear();
+    d.sight.each_emitter(d.sight.at(x), [&](std::uint32_t i) {
+        const Emitter& emitter = all[i];
+        if (emitter.sky) return; // see Bake::threshold
+        const double contrast = mean(emitter.radiance) - level / kPi; // in a furnace none has any, so it stays exact
+        if (contrast <= 0) return;
+        const double least = 0.003 * kMiddle * level * std::sqrt(static_cast<double>(rays)) / (0.5 * kPi * contrast); // of sqrt(F)
+        if (d.emitters.bound(i, x, normal) <= std::min(0.5, least * least)) return;
         const double factor = d.emitters.form_factor(i, x, normal);
-        if (factor <= std::min(0.5, least * least)) continue;
-        const Vec3 off = emitter_i.normal * d.scene.push_off();
-        const Sobol test(mix(seed, i, std::uint64_t{23})), light(mix(seed, i, std::uint64_t{24}));
-        bool seen = met[i];
-        for (std::uint32_t n = 0; n < kTestRays && !seen; ++n) {
-            const Vec3 y = d.emitters.point_on(i, test.pair(n, 0)) + off;
+        if (factor > std::min(0.5, least * least)) candidates.push_back({i, factor * mean(emitter.radiance)});
+    });
+    if (candidates.empty()) return out;
+    thread_local std::vector<std::uint32_t> met;
+    met.clear();
+    for (const FieldBundle::Shining& s : bundle.shining) met.push_back(s.emitter);
+    std::ranges::sort(met);
+    const auto off = [&](std::uint32_t i) { return all[i].normal * d.scene.push_off(); };
+    const std::uint32_t tests = std::clamp(rays / static_cast<std::uint32_t>(candidates.size()), 1u, kTestRays);
+    std::erase_if(candidates, [&](Candidate& c) {
+        const Sobol test(mix(seed, c.emitter, std::uint64_t{23}));
+        bool seen = std::ranges::binary_search(met, c.emitter);
+        for (std::uint32_t n = 0; n < tests && !seen; ++n) {
+            const Vec3 y = d.emitters.point_on(c.emitter, test.pair(n, 0)) + off(c.emitter);
             if (!free && dot(y - x, normal) <= 0) continue;
             seen = !d.scene.occluded(x, y);
         }
-        if (!seen) continue;
-        out.listed.push_back(i);
-        d.emitters.sample(i, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, [&](Vec3 y, Vec3 flux) {
-            const Rgbd arrives = d.scene.transmitted({.from = x, .to = y + off, .widths = {.end = std::sqrt(emitter_i.area / samples), .end_normal = emitter_i.normal}}).share;
+        if (!seen) c.brings /= tests + 2; // what so many rays that miss tell of the part that is seen
+        return !seen && tests == kTestRays; // left to the bundle
+    });
+    const auto ask = [&](const Candidate& c, std::uint32_t samples, double due) {
+        const Emitter& emitter = all[c.emitter];
+        const auto visit = [&](Vec3 y, Vec3 flux) {
+            const Rgbd arrives = d.scene.transmitted({.from = x, .to = y + off(c.emitter), .widths = {.end = std::sqrt(emitter.area / samples), .end_normal = emitter.normal}}).share;
             if (!(max_component(arrives) > 0)) return;
             const double share = length(flux);
-            out.arrivals.push_back({flux / share, arrives * (emitter_i.radiance * share)});
-        });
+            out.arrivals.push_back({flux / share, arrives * (emitter.radiance * (share * samples / due))});
+        };
+        const Sobol light(mix(seed, c.emitter, std::uint64_t{24}));
+        if (due == samples) d.emitters.sample(c.emitter, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, visit);
+        else d.emitters.sample_few(c.emitter, x, normal, 0, samples, Random(mix(seed, c.emitter, std::uint64_t{28}))(), light, 1e-4, EmitterSet::Share::cosine, visit);
+    };
+    for (const Candidate& c : candidates) out.listed.push_back(c.emitter);
+    const std::uint32_t samples = std::clamp(rays / 32, 4u, 64u);
+    if (candidates.size() * samples <= rays) {
+        for (const Candidate& c : candidates) ask(c, samples, samples);
+        return out;
+    }
+    double sum = 0;
+    for (const Candidate& c : candidates) sum += c.brings;
+    double before = Random(mix(seed, std::uint64_t{29}))();
+    for (const Candidate& c : candidates) {
+        const double due = rays * c.brings / sum, after = before + due;
+        if (const auto n = static_cast<std::uint32_t>(std::floor(after) - std::floor(before)); n > 0) ask(c, n, due);
+        before = after;
     }
     return out;
 }

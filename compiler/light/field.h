@@ -142,7 +142,10 @@ public:
     // The rest, in steps, for who keeps what the rays met. `looked`: notes the parts of the field that it depends on.
     FieldBundle bundle(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, Looked* looked = nullptr) const;
     std::vector<Rgbd> reflected(const FieldBundle& bundle) const; // radiance that its rays bring, emitters left out
-    FieldEmitters emitters(const FieldBundle& bundle, std::span<const Rgbd> reflected, Vec3 point, Vec3 normal, std::uint64_t seed) const;
+    // Irradiance that they bring, in the mean of all directions where `normal` is zero; the next power of two, so that
+    // what is decided by it stays as it is when light changes a little. 0: nothing shines.
+    double level(const FieldBundle& bundle, std::span<const Rgbd> reflected, Vec3 normal, std::uint64_t seed) const;
+    FieldEmitters emitters(const FieldBundle& bundle, double level, Vec3 point, Vec3 normal, std::uint64_t seed) const;
     // `of_rays` is called for each of the bundle.
     void arriving(const FieldBundle& bundle, std::vector<Rgbd> reflected, const FieldEmitters& emitters, Vec3 normal, std::uint64_t seed,
                   const Arrival& of_emitters, const Arrival& of_rays) const;

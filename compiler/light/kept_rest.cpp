@@ -113,10 +113,11 @@ void KeptRest::sum(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t se
     if (bytes) kept = from_bytes<KeptBundle>(*bytes);
     else kept.bundle = field_.bundle(point, normal, rays, seed, memo_ ? &looked : nullptr);
     const std::vector<Rgbd> reflected = field_.reflected(kept.bundle);
-    const std::uint64_t seen = memo_ ? seen_of(reflected) : 0;
+    const double level = field_.level(kept.bundle, reflected, normal, seed);
+    const std::uint64_t seen = shining_ ? mix(emitters_, std::bit_cast<std::uint64_t>(level)) : 0; // all that what emitters bring is made from, but for the bundle
     std::uint64_t sum_key = memo_ && bytes ? key_of_sum(kept.name) : 0;
     if (!bytes || kept.seen != seen) {
-        kept.emitters = field_.emitters(kept.bundle, reflected, point, normal, seed), kept.seen = seen;
+        kept.emitters = field_.emitters(kept.bundle, level, point, normal, seed), kept.seen = seen;
         if (memo_) {
             kept.name = 0, kept.name = hash_of(kept).low;
             const Bytes now = to_bytes(kept);

@@ -24,7 +24,6 @@ public:
 private:
     void sum(Vec3 point, Vec3 normal, std::uint32_t rays, std::uint64_t seed, std::uint64_t of, std::span<std::uint8_t> out, const std::function<void(const Arrivals&)>& add_up) const;
     void note_changes();
-    std::uint64_t seen_of(const std::vector<Rgbd>& reflected) const { return shining_ ? mix(emitters_, hash_of(reflected).low) : 0; }
     // Is all that the bundle (as it is kept) reads what it was in that light?
     bool unchanged(std::span<const std::uint8_t> bundle, std::uint64_t light) const;
 

@@ -773,3 +773,55 @@ TEST(Bake, Cancelled) {
     ASSERT_FALSE(r);
     EXPECT_EQ(r.fault().exit, Exit::cancelled);
 }
+
+// Sixty lamps, half of them behind a wall and of the others every second half hidden by a plate below it: a point that has 32 rays asks no more of them than that, and on the average nothing is lost. In black rooms, so that their light is all there is.
+TEST(Field, ManyLampsWithinTheRaysOfAPoint) {
+    SurfacesBuilder scene;
+    const MaterialId black = scene.material({});
+    scene.room({{0, 0, 0}, {512, 256, 128}}, all(black));
+    scene.rect({256, 0, 0}, {0, 256, 0}, {0, 0, 128}, black);
+    scene.rect({256, 0, 0}, {0, 0, 128}, {0, 256, 0}, black);
+    struct Lamp {
+        std::array<Vec3, 4> corner;
+        double radiance;
+    };
+    const Vec3 from{120, 120, 0}, up{0, 0, 1};
+    std::vector<Lamp> seen;
+    for (int i = 0; i < 60; ++i) {
+        const double x = 20 + (i % 10) * 50.0, y = 20 + (i / 10) * 42.0, radiance = 10 + 5 * (i % 3);
+        const Vec3 at{x, y, 127};
+        scene.rect(at, {0, 4, 0}, {4, 0, 0}, scene.material({}, {static_cast<float>(radiance), static_cast<float>(radiance), static_cast<float>(radiance)}), {.chart = false});
+        double hidden = 0;
+        if (i % 2) {
+            scene.rect({x - 2, y - 2, 126.5}, {0, 8, 0}, {4, 0, 0}, black, {.chart = false});
+            hidden = from.x + (x + 2 - from.x) * (127 / 126.5) - x;
+        }
+        if (x < 256) seen.push_back({{at + Vec3{hidden, 0, 0}, at + Vec3{hidden, 4, 0}, at + Vec3{4, 4, 0}, at + Vec3{4, 0, 0}}, radiance});
+    }
+    const auto b = bake(std::move(scene), {.error_percent = 20});
+    ASSERT_TRUE(b);
+    ASSERT_EQ(seen.size(), 30u);
+    double truth = 0;
+    for (const Lamp& lamp : seen) truth += kPi * lamp.radiance * lambert_form_factor(from, up, lamp.corner);
+    constexpr std::uint32_t kRays = 32;
+    constexpr int kTimes = 400;
+    for (const bool free : {false, true}) { // from all around: the same light
+        const Vec3 point = from + up * (free ? 1e-3 : 0), normal = free ? Vec3{} : up;
+        double sum = 0, square = 0;
+        for (int seed = 0; seed < kTimes; ++seed) {
+            const auto s = static_cast<std::uint64_t>(seed);
+            const FieldBundle bundle = b->field->bundle(point, normal, kRays, s);
+            const std::vector<Rgbd> reflected = b->field->reflected(bundle);
+            const FieldEmitters asked = b->field->emitters(bundle, b->field->level(bundle, reflected, normal, s), point, normal, s);
+            EXPECT_LE(asked.arrivals.size(), kRays);
+            EXPECT_TRUE(std::ranges::is_sorted(asked.listed));
+            double e = 0;
+            const auto add = [&](Vec3 d, Rgbd w) { e += w.x * std::max(0.0, d.z); };
+            b->field->arriving(bundle, reflected, asked, normal, s, add, add);
+            sum += e / kTimes, square += e * e / kTimes;
+        }
+        const double spread = std::sqrt(square - sum * sum);
+        EXPECT_NEAR(sum, truth, 4 * spread / std::sqrt(kTimes)) << free;
+        EXPECT_LT(spread, 0.25 * truth) << free; // some 25 of 32 rays, a third of which a plate stops; one ray by chance has 1
+    }
+}
