@@ -309,8 +309,8 @@ double LightField::level(const FieldBundle& bundle, std::span<const Rgbd> reflec
     return e > 0 ? std::exp2(std::ceil(std::log2(e))) : 0;
 }
 
-// Emitters but the sky whose light would be noisy in the bundle get rays of their own, if the bundle or a few test rays see them: together no more than the bundle
-// has. Where there are more emitters than that, which of them is asked is drawn by what they would bring, those that the test rays missed in a smaller part.
+// Emitters but the sky whose light would be noisy in the bundle get rays of their own, together no more than the bundle has. Where there are more emitters than that,
+// which of them is asked is drawn by what they would bring, of those that a few test rays and the bundle missed a smaller part.
 FieldEmitters LightField::emitters(const FieldBundle& bundle, double level, Vec3 point, Vec3 normal, std::uint64_t seed) const {
     const Data& d = *data_;
     FieldEmitters out;
@@ -343,7 +343,7 @@ FieldEmitters LightField::emitters(const FieldBundle& bundle, double level, Vec3
     std::ranges::sort(met);
     const auto off = [&](std::uint32_t i) { return all[i].normal * d.scene.push_off(); };
     const std::uint32_t tests = std::clamp(rays / static_cast<std::uint32_t>(candidates.size()), 1u, kTestRays);
-    std::erase_if(candidates, [&](Candidate& c) {
+    for (Candidate& c : candidates) {
         const Sobol test(mix(seed, c.emitter, std::uint64_t{23}));
         bool seen = std::ranges::binary_search(met, c.emitter);
         for (std::uint32_t n = 0; n < tests && !seen; ++n) {
@@ -351,9 +351,9 @@ FieldEmitters LightField::emitters(const FieldBundle& bundle, double level, Vec3
             if (!free && dot(y - x, normal) <= 0) continue;
             seen = !d.scene.occluded(x, y);
         }
-        if (!seen) c.brings /= tests + 2; // what so many rays that miss tell of the part that is seen
-        return !seen && tests == kTestRays; // left to the bundle
-    });
+        if (!seen) c.brings /= std::sqrt(tests + 2); // rays at least cost: by the root of the part that is seen, of which so many that miss tell 1 / (tests + 2)
+        out.listed.push_back(c.emitter); // were those left to the bundle that neither it nor a test ray has met, their light would be lost
+    }
     const auto ask = [&](const Candidate& c, std::uint32_t samples, double due) {
         const Emitter& emitter = all[c.emitter];
         const auto visit = [&](Vec3 y, Vec3 flux) {
@@ -366,7 +366,6 @@ FieldEmitters LightField::emitters(const FieldBundle& bundle, double level, Vec3
         if (due == samples) d.emitters.sample(c.emitter, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, visit);
         else d.emitters.sample_few(c.emitter, x, normal, 0, samples, Random(mix(seed, c.emitter, std::uint64_t{28}))(), light, 1e-4, EmitterSet::Share::cosine, visit);
     };
-    for (const Candidate& c : candidates) out.listed.push_back(c.emitter);
     const std::uint32_t samples = std::clamp(rays / 32, 4u, 64u);
     if (candidates.size() * samples <= rays) {
         for (const Candidate& c : candidates) ask(c, samples, samples);

@@ -825,3 +825,27 @@ TEST(Field, ManyLampsWithinTheRaysOfAPoint) {
         EXPECT_LT(spread, 0.25 * truth) << free; // some 25 of 32 rays, a third of which a plate stops; one ray by chance has 1
     }
 }
+
+// A lamp of which a point sees a 32nd is in the mean as bright as that, though neither the rays of the point nor a few to the lamp are likely to meet it.
+TEST(Field, ALampThroughASlit) {
+    SurfacesBuilder scene;
+    const MaterialId black = scene.material({});
+    scene.room({{0, 0, 0}, {256, 256, 128}}, all(black));
+    const Vec3 at{160, 112, 127};
+    scene.rect(at, {0, 32, 0}, {32, 0, 0}, scene.material({}, {50, 50, 50}), {.chart = false});
+    const Vec3 from{120, 120, 0}, up{0, 0, 1};
+    const auto above = [&](double x) { return from.x + (x - from.x) * (126.0 / 127); }; // in the plane of the plate, before that x of the lamp
+    scene.rect({above(at.x - 8), at.y - 8, 126}, {0, 48, 0}, {above(at.x + 31) - above(at.x - 8), 0, 0}, black, {.chart = false});
+    const auto b = bake(std::move(scene), {.error_percent = 20});
+    ASSERT_TRUE(b);
+    const std::array<Vec3, 4> seen{at + Vec3{31, 0, 0}, at + Vec3{31, 32, 0}, at + Vec3{32, 32, 0}, at + Vec3{32, 0, 0}};
+    const double truth = kPi * 50 * lambert_form_factor(from, up, seen);
+    constexpr int kTimes = 4000;
+    double sum = 0, square = 0;
+    for (int seed = 0; seed < kTimes; ++seed) {
+        const double e = irradiance(*b->field, from, up, 32, static_cast<std::uint64_t>(seed)).x;
+        sum += e / kTimes, square += e * e / kTimes;
+    }
+    EXPECT_NEAR(sum, truth, 4 * std::sqrt((square - sum * sum) / kTimes));
+    EXPECT_LT(4 * std::sqrt((square - sum * sum) / kTimes), 0.25 * truth);
+}
