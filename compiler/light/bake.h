@@ -313,6 +313,13 @@ private:
         std::vector<std::uint32_t> emitters; // or places in its list
     };
     std::vector<std::uint32_t> add_emitters(const std::vector<Found>& found);
+    struct Handed { // an emitter that a patch has from one beside it
+        std::uint32_t patch = 0, emitter = 0;
+        auto operator<=>(const Handed&) const = default;
+    };
+    std::optional<LightRay> test_ray(std::uint32_t patch, std::uint32_t emitter, const Footprint& footprint, const Sobol& points, std::uint32_t k, std::uint32_t tests) const;
+    bool list_emitter(std::uint32_t patch, std::uint32_t emitter, bool met);
+    std::vector<std::uint32_t> hand_on(std::vector<Handed> handed);
     std::vector<Found> luxel_direct(std::span<const std::uint32_t> patches);
     void luxel_direct_all();
     std::vector<std::uint32_t> share_direct(double measured, double wanted);

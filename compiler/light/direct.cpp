@@ -2,7 +2,6 @@
 #include "compiler/light/bake.h"
 #include "libs/parallel/parallel.h"
 #include <bit>
-#include <map>
 #include <numbers>
 #include <numeric>
 
@@ -104,6 +103,16 @@ double Bake::form_factor_bound(std::uint32_t p, std::uint32_t i) const {
     const double ahead = emitter.distance - dot(emitter.normal, x);
     if (ahead > 0) x += emitter.normal * std::min(ahead + 1e-3, radius); // a part may be in front of it
     return 4 * emitters_.bound(i, x, normal);
+}
+
+// The k-th of `tests` rays that ask whether the patch sees the emitter; none where it would leave or arrive from behind, which says nothing about what stands between.
+std::optional<LightRay> Bake::test_ray(std::uint32_t p, std::uint32_t i, const Footprint& footprint, const Sobol& points, std::uint32_t k, std::uint32_t tests) const {
+    const Emitter& emitter = emitters_.emitters[i];
+    const Footprint::Point at = footprint.sample(points.pair(k, 0));
+    const Vec3 x = at.position + at.normal * scene_.push_off();
+    const Vec3 y = emitters_.point_on(i, points.pair(k, 2)) + emitter.normal * scene_.push_off();
+    if (dot(at.normal, y - x) <= 0 || dot(emitter.normal, y - x) >= 0) return std::nullopt;
+    return LightRay{x, y, false, {.start = std::sqrt(patches_.patches[p].area / tests), .end = std::sqrt(emitter.area / tests), .start_normal = at.normal, .end_normal = emitter.normal}};
 }
 
 // Visibility samples for a light that would bring `share` of the irradiance if it were in full view. The share goes
@@ -225,16 +234,14 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
                     for (std::uint32_t k = 0; k < tests; ++k) {
                         if (k >= early && seen == 0) break;
                         ++tried;
-                        const Footprint::Point at = footprint().sample(points.pair(k, 0));
-                        const Vec3 x = at.position + at.normal * scene_.push_off();
-                        const Vec3 y = emitters_.point_on(i, points.pair(k, 2)) + emitter.normal * scene_.push_off();
-                        const Vec3 d = y - x;
-                        const double cx = dot(at.normal, d), cy = -dot(emitter.normal, d), r2 = dot(d, d);
-                        if (cx <= 0 || cy <= 0) continue; // says nothing about what stands between
+                        const std::optional<LightRay> ray = test_ray(p, i, footprint(), points, k, tests);
+                        if (!ray) continue;
                         ++tested, ++now.rays;
-                        const double part = std::min(1.0, (many_ways ? std::sqrt(r2) : cx) * cy * emitter.area / (kPi * r2 * r2));
+                        const Vec3 d = ray->to - ray->from;
+                        const double r2 = dot(d, d), cy = -dot(emitter.normal, d);
+                        const double part = std::min(1.0, (many_ways ? std::sqrt(r2) : dot(ray->widths.start_normal, d)) * cy * emitter.area / (kPi * r2 * r2));
                         in_full_view += part;
-                        const Transmitted through = scene_.transmitted({x, y, false, {.start = radius / std::sqrt(1.0 * tests), .end = std::sqrt(emitter.area / tests), .start_normal = at.normal, .end_normal = emitter.normal}});
+                        const Transmitted through = scene_.transmitted(*ray);
                         if (through.blocked) continue;
                         filtered |= through.share != Rgbd{1, 1, 1};
                         ++seen;
@@ -286,14 +293,13 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     // and where a neighbour sees less of a light, the edge of its shadow may reach over. So only patches among
     // their like go without a closer look.
     lists_ = emitters;
+    std::vector<Handed> handed;
     const auto offer = [&](std::uint32_t to, std::uint32_t from) {
         if (!receives(to) || !receives(from)) return;
         for (const LightRef& r : emitters[from]) {
             const auto at = std::ranges::find(lists_[to], r.light, &LightRef::light);
-            if (at != lists_[to].end())
-                at->penumbra |= r.penumbra, at->filtered |= r.filtered;
-            else if (sight_.emitter_may(r.light, clusters_[to]) && form_factor_bound(to, r.light) >= threshold(to, r.light))
-                lists_[to].push_back({r.light, true, true, false, r.samples, r.filtered});
+            if (at != lists_[to].end()) at->penumbra |= r.penumbra, at->filtered |= r.filtered;
+            else if (list_emitter(to, r.light, false)) handed.push_back({to, r.light});
         }
         for (LightRef& r : lists_[to])
             if (std::ranges::find(emitters[from], r.light, &LightRef::light) == emitters[from].end())
@@ -308,37 +314,70 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
         }
     };
     for (const auto& [p, q] : touching_) offer(p, q), offer(q, p), offer_entities(p, q), offer_entities(q, p);
-    for (std::size_t p = 0; p < n; ++p) {
-        std::ranges::sort(lists_[p], {}, &LightRef::light);
-        lists_[p].insert(lists_[p].end(), spread[p].begin(), spread[p].end());
+    hand_on(std::move(handed));
+    for (std::size_t p = 0; p < n; ++p) lists_[p].insert(lists_[p].end(), spread[p].begin(), spread[p].end());
+}
+
+// Lists an emitter that the patch has `met`, or that is seen from beside it and worth rays here too; whether it was not listed yet.
+bool Bake::list_emitter(std::uint32_t p, std::uint32_t i, bool met) {
+    if (!receives(p) || listed(p, i)) return false;
+    const double most = form_factor_bound(p, i);
+    if (!met && (!sight_.emitter_may(i, clusters_[p]) || most < threshold(p, i))) return false;
+    const LightRef ref{i, true, true, false, penumbra_samples(kPi * mean(emitters_.emitters[i].radiance) * most / 4 / std::max(estimate_[p], floor_))};
+    lists_[p].insert(std::ranges::find_if(lists_[p], [&](const LightRef& r) { return !r.is_emitter || r.light > i; }), ref);
+    return true;
+}
+
+// Of emitters that patches have from those beside them: as long as a patch sees them itself, those beside it have them too. A part of an emitter that is just worth being
+// listed is met by two of the rays in the mean.
+std::vector<std::uint32_t> Bake::hand_on(std::vector<Handed> handed) {
+    constexpr double kMost = 64; // rays
+    constexpr std::size_t kChunk = 64;
+    std::vector<std::uint32_t> changed;
+    while (!handed.empty()) {
+        std::ranges::sort(handed);
+        for (const Handed& h : handed) changed.push_back(h.patch);
+        std::vector<std::uint64_t> rays(slots_of(handed.size(), kChunk));
+        std::vector<std::uint8_t> seen(handed.size());
+        parallel_chunks(context_, handed.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+            Footprint footprint;
+            for (std::size_t k = begin; k < end; ++k) {
+                const auto [p, i] = handed[k];
+                if (k == begin || handed[k - 1].patch != p) footprint = footprint_of_patch(p);
+                if (footprint.empty()) continue;
+                const auto tests = static_cast<std::uint32_t>(std::min(kMost, std::ceil(2 * form_factor_bound(p, i) / threshold(p, i))));
+                const Sobol points(seed_at(patches_.patches[p].centroid, 5));
+                for (std::uint32_t t = 0; t < tests && !seen[k]; ++t) {
+                    const std::optional<LightRay> ray = test_ray(p, i, footprint, points, t, tests);
+                    if (!ray) continue;
+                    ++rays[begin / kChunk];
+                    if (!scene_.transmitted(*ray).blocked) seen[k] = 1;
+                }
+            }
+        });
+        shadow_rays_ += std::accumulate(rays.begin(), rays.end(), std::uint64_t{0});
+        std::vector<Handed> next;
+        for (std::size_t k = 0; k < handed.size(); ++k)
+            if (seen[k])
+                for (const std::uint32_t q : neighbours_[handed[k].patch])
+                    if (list_emitter(q, handed[k].emitter, false)) next.push_back({q, handed[k].emitter});
+        handed = std::move(next);
     }
+    std::ranges::sort(changed);
+    const auto same = std::ranges::unique(changed);
+    changed.erase(same.begin(), same.end());
+    return changed;
 }
 
 std::vector<std::uint32_t> Bake::add_emitters(const std::vector<Found>& found) {
-    std::map<std::uint32_t, std::vector<LightRef>> more;
-    const auto add = [&](std::uint32_t p, std::uint32_t i) {
-        if (!receives(p) || listed(p, i)) return;
-        std::vector<LightRef>& list = more[p];
-        if (std::ranges::find(list, i, &LightRef::light) != list.end()) return;
-        const double share = kPi * mean(emitters_.emitters[i].radiance) * form_factor_bound(p, i) / 4 /
-                             std::max(estimate_[p], floor_);
-        list.push_back({i, true, true, false, penumbra_samples(share)});
-    };
+    std::vector<Handed> handed;
     for (const auto& [p, emitters] : found)
         for (const std::uint32_t i : emitters) {
-            add(p, i);
+            if (list_emitter(p, i, true)) handed.push_back({p, i});
             for (const std::uint32_t q : neighbours_[p])
-                if (sight_.emitter_may(i, clusters_[q]) && form_factor_bound(q, i) >= threshold(q, i)) add(q, i);
+                if (list_emitter(q, i, false)) handed.push_back({q, i});
         }
-    std::vector<std::uint32_t> changed;
-    for (const auto& [p, list] : more) {
-        changed.push_back(p);
-        lists_[p].insert(lists_[p].end(), list.begin(), list.end());
-        std::ranges::sort(lists_[p], [](const LightRef& x, const LightRef& y) {
-            return std::pair(!x.is_emitter, x.light) < std::pair(!y.is_emitter, y.light);
-        });
-    }
-    return changed;
+    return hand_on(std::move(handed));
 }
 
 // From a place to the nearest of a light.

@@ -30,6 +30,10 @@ static_assert(kQuarters == 4);
 constexpr double kOrderTwo = 3, kOrderOne = 1; // 2^order - 1
 // Three contrasts of quarters: an upper bound of a variance is 3 / (0.05 quantile of chi square with 3 degrees) times what they say.
 constexpr double kUpperOfThree = 3 / 0.3518;
+// The error of a luxel is measured against the mean of its replicates, each as noisy as itself. Of the variance of its square (normal noise: 2 of the error itself, 1 of its product with that
+// mean's, 1/8 of the square of that, 1/24 of what their spread takes off) this share is of the measure: that is left though all luxels are measured.
+constexpr double kOfReplicates = (1 + 1.0 / 8 + 1.0 / 24) / (3 + 1.0 / 8 + 1.0 / 24);
+static_assert(kReplicates == 4);
 
 } // namespace
 
@@ -265,7 +269,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
         const double most_bias = bias * (kOrderTwo * kOrderTwo / (kOrderOne * kOrderOne));
         const double square = noise + bias + shortcut;
         // Of 99 %: bounds of 95 % by the luxels drawn, which is no more than one of the things that may be off, cover in hardly 95 of 100 bakes.
-        const Bounds b = bounds_of_mean(squares, weights, static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)), k99Percent);
+        const Bounds b = bounds_of_mean(squares, weights, (1 - kOfReplicates) * static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)), k99Percent);
         out.above = std::max(out.above, square + b.above + most_bias - bias); // absolute until the worst is known
         if (square <= worst) continue;
         worst = square;
