@@ -485,6 +485,11 @@ std::vector<Rgbd> Bake::solve_patches() {
     return total;
 }
 
+std::uint32_t Bake::pilot_share() const {
+    const std::size_t luxels = surfaces_.luxels.size();
+    return static_cast<std::uint32_t>(std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
+}
+
 Lighting Bake::run() {
     const std::size_t luxels = surfaces_.luxels.size();
     out_.encoding = options_.encoding;
@@ -510,8 +515,7 @@ Lighting Bake::run() {
     make_patches();
     std::vector<Rgbd> total = solve_patches();
     const double target = options_.error_percent / 100;
-    const auto one_in = static_cast<std::uint32_t>(
-        std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
+    const std::uint32_t one_in = pilot_share();
     // Patches as small as the target asks for: where a few luxels say that they matter more than they may, half as large.
     PilotResult first = pilot(4 * one_in, true);
     for (int k = 0; k < kPatchRefinements && first.bias > kPatchShare * target; ++k) {

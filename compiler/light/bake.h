@@ -298,6 +298,8 @@ private:
     // How bright it is: direct_from asks for the light of a light of brightness 1, which is kept where only that changes.
     Rgbd brightness(const LightRef& ref) const { return ref.is_emitter ? emitters_.emitters[ref.light].radiance : static_cast<Rgbd>(lights_[ref.light].intensity); }
     // `luxel`: UINT32_MAX of a patch.
+    void each_direct_at(std::uint32_t patch, std::uint32_t luxel, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely,
+                        const std::function<bool(const LightRef&)>& wanted, const std::function<void(std::size_t, const KernelSum&)>& visit) const;
     KernelSum direct_at(std::uint32_t patch, std::uint32_t luxel, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely = false) const;
     double threshold(std::uint32_t patch,
                      std::uint32_t emitter) const; // form factor from which on it is worth rays of its own
@@ -322,6 +324,9 @@ private:
     std::vector<std::uint32_t> hand_on(std::vector<Handed> handed);
     std::vector<Found> luxel_direct(std::span<const std::uint32_t> patches);
     void luxel_direct_all();
+    bool matters(std::uint32_t patch, double light) const;
+    std::vector<std::uint32_t> look_closely(std::uint32_t look);
+    std::uint32_t pilot_share() const; // one luxel in so many
     std::vector<std::uint32_t> share_direct(double measured, double wanted);
     std::vector<Rgbd> patch_direct();
     // gather.cpp

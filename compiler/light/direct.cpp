@@ -16,8 +16,15 @@ constexpr double kStrong = 0.1; // share of the light of a place from which on a
 constexpr std::uint32_t kFullView = 32; // points on an emitter in full view, at most: arithmetic, no rays
 constexpr double kAlike = 0.35;         // error targets by which what panes let through may differ over a luxel without a closer look
 constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a light in full view is evaluated
+constexpr std::uint32_t kLooks = 4; // for lights that test rays missed
 double square(double x) {
     return x * x;
+}
+std::vector<std::uint32_t> each_once(std::vector<std::uint32_t> v) { // ascending
+    std::ranges::sort(v);
+    const auto same = std::ranges::unique(v);
+    v.erase(same.begin(), same.end());
+    return v;
 }
 // What test rays from a patch to an entity of intensity 1 tell.
 struct EntityTest {
@@ -363,10 +370,7 @@ std::vector<std::uint32_t> Bake::hand_on(std::vector<Handed> handed) {
                     if (list_emitter(q, handed[k].emitter, false)) next.push_back({q, handed[k].emitter});
         handed = std::move(next);
     }
-    std::ranges::sort(changed);
-    const auto same = std::ranges::unique(changed);
-    changed.erase(same.begin(), same.end());
-    return changed;
+    return each_once(std::move(changed));
 }
 
 std::vector<std::uint32_t> Bake::add_emitters(const std::vector<Found>& found) {
@@ -568,8 +572,9 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
     return !ref.penumbra && !closely;
 }
 
-// All lights of the patch at a luxel of it, or at places all over it: its footprint.
-KernelSum Bake::direct_at(std::uint32_t patch, std::uint32_t luxel, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely) const {
+// visit(light, what it brings) for those of the patch that are `wanted`, places in its list, at a luxel of it or at places all over it: its footprint.
+void Bake::each_direct_at(std::uint32_t patch, std::uint32_t luxel, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely,
+                          const std::function<bool(const LightRef&)>& wanted, const std::function<void(std::size_t, const KernelSum&)>& visit) const {
     std::vector<PlaceDirect> kept, now;
     std::uint64_t key = 0;
     if (memo_) {
@@ -577,8 +582,9 @@ KernelSum Bake::direct_at(std::uint32_t patch, std::uint32_t luxel, const Footpr
         if (const auto bytes = memo_->direct.find(key, {})) read_whole(*bytes, kept);
     }
     bool all_kept = true;
-    KernelSum all;
-    for (const LightRef& ref : lists_[patch]) {
+    for (std::size_t r = 0; r < lists_[patch].size(); ++r) {
+        const LightRef& ref = lists_[patch][r];
+        if (!wanted(ref)) continue;
         PlaceDirect part{memo_ ? hash_of_ref(ref, false) : 0, 0, {}};
         if (const auto at = std::ranges::find(kept, part.of, &PlaceDirect::of); at != kept.end()) {
             part = *at;
@@ -590,9 +596,14 @@ KernelSum Bake::direct_at(std::uint32_t patch, std::uint32_t luxel, const Footpr
         *rays += part.rays;
         if (memo_) now.push_back(part);
         KernelSum sum = part.sum.sum();
-        all += sum *= brightness(ref);
+        visit(r, sum *= brightness(ref));
     }
     if (memo_ && !all_kept) memo_->direct.keep(key, {}, {}, to_bytes(now));
+}
+
+KernelSum Bake::direct_at(std::uint32_t patch, std::uint32_t luxel, const Footprint& footprint, const LuxelKernel& kernel, std::uint64_t seed, std::uint64_t* rays, bool closely) const {
+    KernelSum all;
+    each_direct_at(patch, luxel, footprint, kernel, seed, rays, closely, [](const LightRef&) { return true; }, [&](std::size_t, const KernelSum& sum) { all += sum; });
     return all;
 }
 
@@ -688,28 +699,62 @@ std::vector<Bake::Found> Bake::luxel_direct(std::span<const std::uint32_t> patch
 }
 
 // Where one luxel of a patch finds that its test rays were wrong about a light, others may have missed what it found: the patch and those
-// next to it look at that light closely from then on, and are done again.
+// next to it look at that light closely from then on, and are done again; and so on along a streak of light, as long as there is some where test rays had seen none.
 void Bake::luxel_direct_all() {
     std::vector<std::uint32_t> patches(patches_.patches.size());
     std::iota(patches.begin(), patches.end(), 0u);
-    constexpr int kRounds = 3;
-    for (int round = 0; round < kRounds && !patches.empty(); ++round) {
-        std::vector<std::uint8_t> again(patches_.patches.size());
-        for (const auto& [p, places] : luxel_direct(patches))
-            for (const std::uint32_t r : places) {
-                const LightRef found = lists_[p][r];
-                const auto mark = [&](std::uint32_t q) {
-                    for (LightRef& ref : lists_[q])
-                        if (ref.light == found.light && ref.is_emitter == found.is_emitter && !ref.penumbra) ref.penumbra = true, again[q] = 1;
-                };
-                mark(p);
-                for (const std::uint32_t q : neighbours_[p]) mark(q);
-            }
-        patches.clear();
-        for (std::uint32_t p = 0; p < again.size(); ++p)
-            if (again[p]) patches.push_back(p);
+    for (std::uint32_t look = 0; !patches.empty(); ++look) {
+        while (!patches.empty()) {
+            std::vector<std::uint32_t> again;
+            const auto mark = [&](std::uint32_t q, const LightRef& found) {
+                for (LightRef& ref : lists_[q])
+                    if (ref.light == found.light && ref.is_emitter == found.is_emitter && !ref.penumbra) ref.penumbra = true, again.push_back(q);
+            };
+            for (const auto& [p, places] : luxel_direct(patches))
+                for (const std::uint32_t r : places) {
+                    const LightRef found = lists_[p][r];
+                    mark(p, found);
+                    for (const std::uint32_t q : neighbours_[p]) mark(q, found);
+                }
+            for (const std::uint32_t p : patches)
+                for (std::size_t r = 0; r < lists_[p].size(); ++r) {
+                    const LightRef found = lists_[p][r];
+                    if (found.hidden && found.penumbra && matters(p, static_cast<double>(brought_[p][r])))
+                        for (const std::uint32_t q : neighbours_[p]) mark(q, found);
+                }
+            patches = each_once(std::move(again));
+        }
+        if (look < kLooks) patches = look_closely(look);
     }
-    if (!patches.empty()) luxel_direct(patches);
+}
+
+// Is it worth being found, in irradiance of a patch?
+bool Bake::matters(std::uint32_t p, double light) const {
+    return light > quality_.light_cutoff * std::max(estimate_[p], floor_);
+}
+
+// Lights that test rays saw nothing of, looked for closely at some of the luxels: where one is found, the patch looks closely from then on. Which patches.
+std::vector<std::uint32_t> Bake::look_closely(std::uint32_t look) {
+    const std::uint32_t one_in = pilot_share();
+    std::vector<std::uint32_t> chosen;
+    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
+        if (luxel_patch_[l] != kNoPatch && !covered_[luxel_patch_[l]] && luxel_draw_[l] % one_in == (look + 1) % one_in) chosen.push_back(l);
+    constexpr std::size_t kChunk = 16;
+    std::vector<std::vector<std::pair<std::uint32_t, std::size_t>>> found(slots_of(chosen.size(), kChunk)); // patch, place in its list
+    parallel_chunks(context_, chosen.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+        std::uint64_t rays = 0;
+        for (const std::uint32_t l : std::span(chosen).subspan(begin, end - begin)) {
+            const std::uint32_t p = luxel_patch_[l];
+            each_direct_at(p, l, footprint_of_luxel(l), kernel_of(l), mix(seed_at(luxel_centroid(surfaces_.luxels[l]), 10), look), &rays, true, [](const LightRef& r) { return r.hidden && !r.penumbra; },
+                           [&](std::size_t r, const KernelSum& sum) {
+                               if (matters(p, mean(sum.flat))) found[begin / kChunk].push_back({p, r});
+                           });
+        }
+        shadow_rays_ += rays;
+    });
+    std::vector<std::uint32_t> patches;
+    for (const auto& [p, r] : joined(found)) lists_[p][r].penumbra = true, patches.push_back(p);
+    return each_once(std::move(patches));
 }
 
 // Samples of direct light where they are worth it: such that its noise, `measured` as things are, becomes `wanted` at the

@@ -118,6 +118,8 @@ PilotLuxel Bake::pilot_luxel(std::uint32_t l, const PilotGather& gathered, bool 
     sum *= 1.0 / kReplicates, rest *= 1.0 / kReplicates;
     for (std::uint32_t r = 0; r < kReplicates; ++r) result.direct[r] = kernel.displayed(kernel.shown(KernelSum(rest) += directs[r])); // its spread is that of direct light
     result.mean_value = kernel.displayed(kernel.shown(sum));
+    for (std::size_t k = 0; k < 4; ++k) // of both looks together: what only a close one sees is twice that at most
+        for (const auto& away : result.to_close) result.mean_value[k] += away[k] * (0.5 / kReplicates);
     result.area = luxel.area * luxel_area(surfaces_, luxel.face);
     if (gathered.tilted.empty()) return result;
     // What the encoding makes of normals off the flat one, against the same rays summed for those normals.

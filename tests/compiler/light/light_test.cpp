@@ -836,6 +836,36 @@ TEST(Bake, BoundOfTheErrorOfFewLuxels) {
     EXPECT_GE(covered, kBakes - 2); // 16 if the bound is told as if the measure were exact
 }
 
+// A sun through a slit a unit wide draws a streak on the floor that test rays of a patch are likely to miss: who finds it tells those beside it, and some luxels look for it.
+TEST(Bake, AStreakOfSunThroughASlit) {
+    constexpr double kLo = 127.5, kHi = 128.5, kFrom = 64, kTo = 192, kCeiling = 128;
+    Light sun;
+    sun.kind = LightKind::sun, sun.direction = normalize(Vec3{0.2, 0.1, -1}), sun.intensity = {3, 3, 3};
+    constexpr int kSeeds = 8;
+    for (const auto& [luxel, percent] : {std::pair{16.0, 20.0}, std::pair{16.0, 5.0}, std::pair{32.0, 5.0}}) {
+        double mean = 0;
+        for (int seed = 1; seed <= kSeeds; ++seed) {
+            SurfacesBuilder scene;
+            const MaterialId black = scene.material({});
+            auto walls = all(black);
+            walls[5] = MaterialId{};
+            scene.room({{0, 0, 0}, {256, 256, kCeiling}}, walls, {.luxel = luxel});
+            for (const Box3& part : {Box3{{0, 0, 0}, {kLo, 256, 0}}, Box3{{kHi, 0, 0}, {256, 256, 0}}, Box3{{kLo, 0, 0}, {kHi, kFrom, 0}}, Box3{{kLo, kTo, 0}, {kHi, 256, 0}}})
+                scene.rect({part.lo.x, part.lo.y, kCeiling}, {0, part.hi.y - part.lo.y, 0}, {part.hi.x - part.lo.x, 0, 0}, black, {.chart = false});
+            scene.rect({-512, -512, 140}, {0, 1280, 0}, {1280, 0, 0}, scene.material({}, {}, kSky), {.chart = false, .sky = true});
+            const auto b = bake(std::move(scene), {.error_percent = percent, .seed = static_cast<std::uint64_t>(seed)}, {sun});
+            ASSERT_TRUE(b);
+            double light = 0;
+            for (const Luxel& l : b->scene.surfaces.luxels)
+                if (center_of(b->scene.surfaces, l).z <= 0) light += b->lighting.flat[texel_of(b->scene.surfaces, l)].x * luxel * luxel;
+            const double truth = 3 * -sun.direction.z * (kHi - kLo) * (kTo - kFrom);
+            mean += light / truth / kSeeds;
+            EXPECT_LT(b->lighting.error.estimate, 100) << luxel << " " << percent << " " << seed; // of light that is lost no more can be told than all of it
+        }
+        EXPECT_NEAR(mean, 1, 0.1) << luxel << " " << percent;
+    }
+}
+
 TEST(Bake, Cancelled) {
     SurfacesBuilder scene = two_rooms(20);
     std::atomic<bool> stop = true;
