@@ -745,10 +745,13 @@ std::vector<std::uint32_t> Bake::look_closely(std::uint32_t look) {
         std::uint64_t rays = 0;
         for (const std::uint32_t l : std::span(chosen).subspan(begin, end - begin)) {
             const std::uint32_t p = luxel_patch_[l];
-            each_direct_at(p, l, footprint_of_luxel(l), kernel_of(l), mix(seed_at(luxel_centroid(surfaces_.luxels[l]), 10), look), &rays, true, [](const LightRef& r) { return r.hidden && !r.penumbra; },
-                           [&](std::size_t r, const KernelSum& sum) {
-                               if (matters(p, mean(sum.flat))) found[begin / kChunk].push_back({p, r});
-                           });
+            const auto unseen = [](const LightRef& r) { return r.hidden && !r.penumbra; };
+            if (std::ranges::none_of(lists_[p], unseen)) continue;
+            const Footprint footprint = footprint_of_luxel(l);
+            if (footprint.empty()) continue;
+            each_direct_at(p, l, footprint, kernel_of(l), mix(seed_at(luxel_centroid(surfaces_.luxels[l]), 10), look), &rays, true, unseen, [&](std::size_t r, const KernelSum& sum) {
+                if (matters(p, mean(sum.flat))) found[begin / kChunk].push_back({p, r});
+            });
         }
         shadow_rays_ += rays;
     });
