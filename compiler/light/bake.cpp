@@ -438,7 +438,7 @@ void Bake::make_patches() {
     // rays.
     choose_lights(solve_gathered(rho));
     plant_spot_trees();
-    effort_.assign(n, 1);
+    effort_.assign(n, 1), direct_draws_.assign(n, 0);
     luxel_direct_all();
     rays_.assign(n, quality_.first_rays);
 }

@@ -441,7 +441,7 @@ private:
     std::vector<KernelSum> direct_;                               // per luxel
     std::vector<float> direct_variance_;                          // per luxel: of its mean, as the spread between places has it
     std::vector<std::uint16_t> effort_;                           // per patch: times the samples of its lights
-    std::uint64_t direct_passes_ = 0;
+    std::vector<std::uint32_t> direct_draws_; // per patch: how often its direct light was drawn
     std::uint64_t own_round_ = 0; // of gathering with luxels' own light; 0: not now
     Rows rows_;
     Held<Quarters> met_;                       // per entry of the rows

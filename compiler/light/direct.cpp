@@ -680,15 +680,14 @@ std::vector<Bake::Found> Bake::luxel_direct(std::span<const std::uint32_t> patch
     direct_.resize(surfaces_.luxels.size());
     direct_variance_.resize(surfaces_.luxels.size());
     brought_.resize(patches_.patches.size()), near_lights_.resize(patches_.patches.size()), untold_.resize(patches_.patches.size());
-    // Other points each time: that a place was found noisy must not be part of its value.
-    const std::uint64_t pass = 1024 + direct_passes_++;
     constexpr std::size_t kChunk = 16;
     std::vector<std::vector<Found>> divided(slots_of(patches.size(), kChunk));
     parallel_chunks(context_, "light: direct", patches.size(), kChunk, [&](std::size_t begin, std::size_t end) {
         std::uint64_t rays = 0;
         for (const std::uint32_t p : patches.subspan(begin, end - begin)) {
             Found of{p, {}};
-            luxel_direct_of(p, pass, &of.emitters, &rays);
+            // Other points each time: that a place was found noisy must not be part of its value. Counted by patch: what goes on elsewhere changes nothing here.
+            luxel_direct_of(p, 1024 + std::uint64_t{direct_draws_[p]++}, &of.emitters, &rays);
             near_lights_[p] = near_lights_of(p);
             untold_[p] = 1;
             if (!of.emitters.empty()) divided[begin / kChunk].push_back(std::move(of));
