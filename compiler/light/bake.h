@@ -161,7 +161,7 @@ struct PaneRays {
     template <class A> void fields(A& a) { a(ray, first, met); }
 };
 
-constexpr std::uint64_t kDraw = 5, kRounding = 7; // passes of seed_at
+constexpr std::uint64_t kDraw = 5, kRounding = 7, kLook = 10, kHanded = 11; // passes of seed_at
 constexpr std::uint32_t kQuarters = 4;
 // Of the rays of a row, by quarters of their sequence, those that met something.
 struct Quarters {
@@ -512,10 +512,11 @@ Frame light_frame(const Surfaces& surfaces, FaceId face, Vec3 point);
 Frame light_frame(const Chart& chart, const Face& face, Vec3 normal); // by the shading normal there
 // Quantiles of the normal distribution.
 constexpr double k95Percent = 1.6449, k99Percent = 2.3263;
-// How far the mean of all may lie above and below that of a sample with these weights, each with the confidence of `quantile`. `sampled`: the share of all that it is.
+// How far the mean of all may lie above and below that of a sample with these weights, each with the confidence of `quantile`. `sampled`: the share of all that it is. `measured`: where values are
+// measures that are off themselves, the variance of each: that is left though all are sampled.
 struct Bounds {
     double above = 0, below = 0;
 };
-Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled, double quantile = k95Percent);
+Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled, double quantile = k95Percent, std::span<const double> measured = {});
 
 } // namespace kiln

@@ -325,7 +325,7 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
     for (std::size_t p = 0; p < n; ++p) lists_[p].insert(lists_[p].end(), spread[p].begin(), spread[p].end());
 }
 
-// Lists an emitter that the patch has `met`, or that is seen from beside it and worth rays here too; whether it was not listed yet.
+// Lists an emitter that the patch has `met`, or that is seen from beside it and worth rays here too; whether it does so now.
 bool Bake::list_emitter(std::uint32_t p, std::uint32_t i, bool met) {
     if (!receives(p) || listed(p, i)) return false;
     const double most = form_factor_bound(p, i);
@@ -335,8 +335,8 @@ bool Bake::list_emitter(std::uint32_t p, std::uint32_t i, bool met) {
     return true;
 }
 
-// Of emitters that patches have from those beside them: as long as a patch sees them itself, those beside it have them too. A part of an emitter that is just worth being
-// listed is met by two of the rays in the mean.
+// Of emitters that patches have from those beside them: as long as a patch sees as much of them as may be worth it, those beside it have them too. The bound is some four times the
+// form factor in full view: of a part that is just worth being listed there are eight hits in the mean, and two are asked for.
 std::vector<std::uint32_t> Bake::hand_on(std::vector<Handed> handed) {
     constexpr double kMost = 64; // rays
     constexpr std::size_t kChunk = 64;
@@ -353,12 +353,15 @@ std::vector<std::uint32_t> Bake::hand_on(std::vector<Handed> handed) {
                 if (k == begin || handed[k - 1].patch != p) footprint = footprint_of_patch(p);
                 if (footprint.empty()) continue;
                 const auto tests = static_cast<std::uint32_t>(std::min(kMost, std::ceil(2 * form_factor_bound(p, i) / threshold(p, i))));
-                const Sobol points(seed_at(patches_.patches[p].centroid, 5));
+                const Sobol points(seed_at(patches_.patches[p].centroid, kHanded));
+                const double enough = tests * threshold(p, i) / form_factor_bound(p, i);
+                std::uint32_t hits = 0;
                 for (std::uint32_t t = 0; t < tests && !seen[k]; ++t) {
                     const std::optional<LightRay> ray = test_ray(p, i, footprint, points, t, tests);
                     if (!ray) continue;
                     ++rays[begin / kChunk];
-                    if (!scene_.transmitted(*ray).blocked) seen[k] = 1;
+                    if (!scene_.transmitted(*ray).blocked) ++hits;
+                    seen[k] = hits > 0 && hits >= enough;
                 }
             }
         });
@@ -748,7 +751,7 @@ std::vector<std::uint32_t> Bake::look_closely(std::uint32_t look) {
             if (std::ranges::none_of(lists_[p], unseen)) continue;
             const Footprint footprint = footprint_of_luxel(l);
             if (footprint.empty()) continue;
-            each_direct_at(p, l, footprint, kernel_of(l), mix(seed_at(luxel_centroid(surfaces_.luxels[l]), 10), look), &rays, true, unseen, [&](std::size_t r, const KernelSum& sum) {
+            each_direct_at(p, l, footprint, kernel_of(l), mix(seed_at(luxel_centroid(surfaces_.luxels[l]), kLook), look), &rays, true, unseen, [&](std::size_t r, const KernelSum& sum) {
                 if (matters(p, mean(sum.flat))) found[begin / kChunk].push_back({p, r});
             });
         }

@@ -30,28 +30,31 @@ static_assert(kQuarters == 4);
 constexpr double kOrderTwo = 3, kOrderOne = 1; // 2^order - 1
 // Three contrasts of quarters: an upper bound of a variance is 3 / (0.05 quantile of chi square with 3 degrees) times what they say.
 constexpr double kUpperOfThree = 3 / 0.3518;
-// The error of a luxel is measured against the mean of its replicates, each as noisy as itself. Of the variance of its square (normal noise: 2 of the error itself, 1 of its product with that
-// mean's, 1/8 of the square of that, 1/24 of what their spread takes off) this share is of the measure: that is left though all luxels are measured.
-constexpr double kOfReplicates = (1 + 1.0 / 8 + 1.0 / 24) / (3 + 1.0 / 8 + 1.0 / 24);
-static_assert(kReplicates == 4);
+// A square of which the mean of replicates is taken, less what their noise adds to it, itself has this variance (normal noise): of twice its root times that mean's noise, of the square of
+// that, and of what the spread of the replicates takes off.
+double variance_of_measure(double square, double spread) {
+    constexpr double n = kReplicates;
+    return 4 * std::max(0.0, square) * spread / n + 2 * spread * spread / (n * n) + 2 * spread * spread / ((n - 1) * n * n);
+}
 
 } // namespace
 
 // Squares of errors are skewed: a sample hardly ever has its share of the rare large ones, so their skewness moves the bounds (Hall), up most of all.
-Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled, double quantile) {
+Bounds bounds_of_mean(std::span<const double> value, std::span<const double> weight, double sampled, double quantile, std::span<const double> measured) {
     const auto n = static_cast<double>(value.size());
     if (n < 2) return {};
-    double all = 0, mean = 0, square = 0, cube = 0;
+    double all = 0, mean = 0, square = 0, cube = 0, measure = 0;
     for (std::size_t i = 0; i < value.size(); ++i) all += weight[i], mean += weight[i] * value[i];
     mean /= all;
     for (std::size_t i = 0; i < value.size(); ++i) {
         const double r = weight[i] * n / all * (value[i] - mean);
         square += r * r, cube += r * r * r;
+        if (!measured.empty()) measure += weight[i] * n / all * (weight[i] * n / all) * measured[i] / n;
     }
     square /= n - 1, cube /= n;
     if (!(square > 0)) return {};
     const double skew = cube / (square * std::sqrt(square)), root = std::sqrt(n);
-    const double se = std::sqrt(square / n * std::max(0.0, 1 - sampled));
+    const double se = std::sqrt((square * std::max(0.0, 1 - sampled) + std::min(square, measure) * sampled) / n);
     const double shift = skew * (2 * quantile * quantile + 1) / (6 * root);
     return {se * std::max(0.0, quantile + shift), se * std::max(0.0, quantile - shift)};
 }
@@ -233,7 +236,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
     for (std::size_t i = 0; i < as_baked.size(); ++i)
         if (gathered_there_[chosen[i]]) as_baked[i] = LuxelKernel::displayed(kernel_of(chosen[i]).shown(light_of(chosen[i])));
     double worst = -1;
-    std::vector<double> squares, weights;
+    std::vector<double> squares, weights, measured; // measured: the variance of each as a measure
     for (std::size_t k = 0; k < 4; ++k) { // along each normal
         double area = 0;
         Rgbd mean_value;
@@ -242,7 +245,7 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
         if (!(area > 0)) continue;
         mean_value = mean_value / area;
         double noise = 0, bias = 0, shortcut = 0, direct = 0;
-        squares.clear(), weights.clear();
+        squares.clear(), weights.clear(), measured.clear();
         for (std::size_t i = 0; i < results.size(); ++i) {
             const PilotLuxel& r = results[i];
             if (k >= r.shown) continue;
@@ -253,25 +256,27 @@ Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
                 apart = as_baked[i][k];
                 for (const auto& v : r.value) apart -= v[k] / static_cast<double>(kReplicates);
             }
-            double variance = 0, shift = 0, short_by = 0;
+            double variance = 0, shift = 0, short_by = 0, measure = 0; // measure: standard deviations of the channels, which go together
             for (std::size_t c = 0; c < 3; ++c) {
                 const double scale = std::max(r.mean_value[k][c], options_.error_floor * mean_value[c]);
                 if (!(scale > 0)) continue;
                 const double per = 1 / (3 * scale * scale);
                 // What the bake itself is off by, without the noise of what it is held against.
-                variance += per * (baked ? apart[c] * apart[c] - spread(r.value, k, c) / kReplicates : spread(r.value, k, c));
+                const double scatter = spread(r.value, k, c), off = apart[c] * apart[c] - scatter / kReplicates;
+                variance += per * (baked ? off : scatter);
+                if (baked) measure += per * std::sqrt(variance_of_measure(off, scatter) + variance_of_measure(shift_of(r.to_close, k, c), spread(r.to_close, k, c)));
                 direct += per * r.area * spread(r.direct, k, c);
                 shift += per * shift_of(r.to_coarse, k, c) / (kOrderTwo * kOrderTwo);
                 short_by += per * shift_of(r.to_close, k, c);
             }
             noise += variance * r.area, bias += shift * r.area, shortcut += short_by * r.area;
-            squares.push_back(variance + shift + short_by), weights.push_back(r.area);
+            squares.push_back(variance + shift + short_by), weights.push_back(r.area), measured.push_back(measure * measure);
         }
         noise = std::max(0.0, noise / area), bias = std::max(0.0, bias / area), shortcut = std::max(0.0, shortcut / area), direct /= area;
         const double most_bias = bias * (kOrderTwo * kOrderTwo / (kOrderOne * kOrderOne));
         const double square = noise + bias + shortcut;
         // Of 99 %: bounds of 95 % by the luxels drawn, which is no more than one of the things that may be off, cover in hardly 95 of 100 bakes.
-        const Bounds b = bounds_of_mean(squares, weights, (1 - kOfReplicates) * static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)), k99Percent);
+        const Bounds b = bounds_of_mean(squares, weights, static_cast<double>(squares.size()) / static_cast<double>(std::max<std::size_t>(all, 1)), k99Percent, measured);
         out.above = std::max(out.above, square + b.above + most_bias - bias); // absolute until the worst is known
         if (square <= worst) continue;
         worst = square;

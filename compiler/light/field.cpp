@@ -309,7 +309,7 @@ double LightField::level(const FieldBundle& bundle, std::span<const Rgbd> reflec
     return e > 0 ? std::exp2(std::ceil(std::log2(e))) : 0;
 }
 
-// Emitters but the sky whose light would be noisy in the bundle get rays of their own, together no more than the bundle has. Where there are more emitters than that,
+// Emitters but the sky whose light would be noisy in the bundle get rays of their own, together no more than the bundle has (a near one in full has one a part at least). Where there are more emitters than that,
 // which of them is asked is drawn by what they would bring, of those that a few test rays and the bundle missed a smaller part.
 FieldEmitters LightField::emitters(const FieldBundle& bundle, double level, Vec3 point, Vec3 normal, std::uint64_t seed) const {
     const Data& d = *data_;
@@ -346,15 +346,16 @@ FieldEmitters LightField::emitters(const FieldBundle& bundle, double level, Vec3
     for (Candidate& c : candidates) {
         const Sobol test(mix(seed, c.emitter, std::uint64_t{23}));
         bool seen = std::ranges::binary_search(met, c.emitter);
+        std::uint32_t missed = 0;
         for (std::uint32_t n = 0; n < tests && !seen; ++n) {
             const Vec3 y = d.emitters.point_on(c.emitter, test.pair(n, 0)) + off(c.emitter);
-            if (!free && dot(y - x, normal) <= 0) continue;
-            seen = !d.scene.occluded(x, y);
+            if (!free && dot(y - x, normal) <= 0) continue; // says nothing about what stands between
+            seen = !d.scene.occluded(x, y), ++missed;
         }
-        if (!seen) c.brings /= std::sqrt(tests + 2); // rays at least cost: by the root of the part that is seen, of which so many that miss tell 1 / (tests + 2)
+        if (!seen) c.brings /= std::sqrt(missed + 2); // rays at least cost: by the root of the part that is seen, of which so many that miss tell 1 / (missed + 2)
         out.listed.push_back(c.emitter); // were those left to the bundle that neither it nor a test ray has met, their light would be lost
     }
-    const auto ask = [&](const Candidate& c, std::uint32_t samples, double due) {
+    const auto ask = [&](const Candidate& c, std::uint32_t samples, double due, bool in_full) {
         const Emitter& emitter = all[c.emitter];
         const auto visit = [&](Vec3 y, Vec3 flux) {
             const Rgbd arrives = d.scene.transmitted({.from = x, .to = y + off(c.emitter), .widths = {.end = std::sqrt(emitter.area / samples), .end_normal = emitter.normal}}).share;
@@ -363,12 +364,12 @@ FieldEmitters LightField::emitters(const FieldBundle& bundle, double level, Vec3
             out.arrivals.push_back({flux / share, arrives * (emitter.radiance * (share * samples / due))});
         };
         const Sobol light(mix(seed, c.emitter, std::uint64_t{24}));
-        if (due == samples) d.emitters.sample(c.emitter, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, visit);
+        if (in_full) d.emitters.sample(c.emitter, x, normal, 0, samples, light, 1e-4, EmitterSet::Arrival::each, EmitterSet::Share::cosine, visit);
         else d.emitters.sample_few(c.emitter, x, normal, 0, samples, Random(mix(seed, c.emitter, std::uint64_t{28}))(), light, 1e-4, EmitterSet::Share::cosine, visit);
     };
     const std::uint32_t samples = std::clamp(rays / 32, 4u, 64u);
     if (candidates.size() * samples <= rays) {
-        for (const Candidate& c : candidates) ask(c, samples, samples);
+        for (const Candidate& c : candidates) ask(c, samples, samples, true);
         return out;
     }
     double sum = 0;
@@ -376,7 +377,7 @@ FieldEmitters LightField::emitters(const FieldBundle& bundle, double level, Vec3
     double before = Random(mix(seed, std::uint64_t{29}))();
     for (const Candidate& c : candidates) {
         const double due = rays * c.brings / sum, after = before + due;
-        if (const auto n = static_cast<std::uint32_t>(std::floor(after) - std::floor(before)); n > 0) ask(c, n, due);
+        if (const auto n = static_cast<std::uint32_t>(std::floor(after) - std::floor(before)); n > 0) ask(c, n, due, false);
         before = after;
     }
     return out;

@@ -763,8 +763,6 @@ TEST(Bake, SmoothedNormals) {
     }
 }
 
-// Asked to stop, it stops with the fault that leads to exit 7.
-// Every luxel of the floor sees a thirty-second of a lamp, through a slit. What a few rays to the lamp are not likely to tell of a patch, those to it from beside do.
 // Every luxel of the floor sees a thirty-second of a lamp, through a slit. What a few rays to the lamp are not likely to tell of a patch, those to it from beside do.
 TEST(Bake, ALampThroughASlit) {
     const Vec3 at{112, 112, 127};
@@ -860,12 +858,13 @@ TEST(Bake, AStreakOfSunThroughASlit) {
                 if (center_of(b->scene.surfaces, l).z <= 0) light += b->lighting.flat[texel_of(b->scene.surfaces, l)].x * luxel * luxel;
             const double truth = 3 * -sun.direction.z * (kHi - kLo) * (kTo - kFrom);
             mean += light / truth / kSeeds;
-            EXPECT_LT(b->lighting.error.estimate, 100) << luxel << " " << percent << " " << seed; // of light that is lost no more can be told than all of it
+            EXPECT_LT(b->lighting.error.estimate, 100) << luxel << " " << percent << " " << seed; // a luxel whose light is lost is off by twice itself at most
         }
         EXPECT_NEAR(mean, 1, 0.1) << luxel << " " << percent;
     }
 }
 
+// Asked to stop, it stops with the fault that leads to exit 7.
 TEST(Bake, Cancelled) {
     SurfacesBuilder scene = two_rooms(20);
     std::atomic<bool> stop = true;
