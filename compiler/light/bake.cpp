@@ -485,11 +485,6 @@ std::vector<Rgbd> Bake::solve_patches() {
     return total;
 }
 
-std::uint32_t Bake::pilot_share() const {
-    const std::size_t luxels = surfaces_.luxels.size();
-    return static_cast<std::uint32_t>(std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
-}
-
 Lighting Bake::run() {
     const std::size_t luxels = surfaces_.luxels.size();
     out_.encoding = options_.encoding;

@@ -324,9 +324,12 @@ private:
     std::vector<std::uint32_t> hand_on(std::vector<Handed> handed);
     std::vector<Found> luxel_direct(std::span<const std::uint32_t> patches);
     void luxel_direct_all();
+    std::vector<std::uint32_t> mark_beside(std::span<const std::uint32_t> patches, const std::vector<Found>& divided);
     bool matters(std::uint32_t patch, double light) const;
     std::vector<std::uint32_t> look_closely(std::uint32_t look);
     std::uint32_t pilot_share() const; // one luxel in so many
+    // The `which`-th part of the luxels, one in so many. `all`: if given, how many there are to draw from.
+    std::vector<std::uint32_t> drawn_luxels(std::uint32_t one_in, std::uint32_t which, std::size_t* all = nullptr) const;
     std::vector<std::uint32_t> share_direct(double measured, double wanted);
     std::vector<Rgbd> patch_direct();
     // gather.cpp

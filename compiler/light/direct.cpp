@@ -1,5 +1,6 @@
 // Direct light: which lights are worth explicit rays for which patch, and those rays at the luxels.
 #include "compiler/light/bake.h"
+#include "libs/core/each_once.h"
 #include "libs/parallel/parallel.h"
 #include <bit>
 #include <numbers>
@@ -19,12 +20,6 @@ constexpr std::uint32_t kMostSide = 16; // of the grid of places from which a li
 constexpr std::uint32_t kLooks = 4; // for lights that test rays missed
 double square(double x) {
     return x * x;
-}
-std::vector<std::uint32_t> each_once(std::vector<std::uint32_t> v) { // ascending
-    std::ranges::sort(v);
-    const auto same = std::ranges::unique(v);
-    v.erase(same.begin(), same.end());
-    return v;
 }
 // What test rays from a patch to an entity of intensity 1 tell.
 struct EntityTest {
@@ -327,16 +322,16 @@ void Bake::choose_lights(const std::vector<Rgbd>& irradiance) {
 
 // Lists an emitter that the patch has `met`, or that is seen from beside it and worth rays here too; whether it does so now.
 bool Bake::list_emitter(std::uint32_t p, std::uint32_t i, bool met) {
-    if (!receives(p) || listed(p, i)) return false;
+    if (!receives(p) || listed(p, i) || (!met && !sight_.emitter_may(i, clusters_[p]))) return false;
     const double most = form_factor_bound(p, i);
-    if (!met && (!sight_.emitter_may(i, clusters_[p]) || most < threshold(p, i))) return false;
+    if (!met && most < threshold(p, i)) return false;
     const LightRef ref{i, true, true, false, penumbra_samples(kPi * mean(emitters_.emitters[i].radiance) * most / 4 / std::max(estimate_[p], floor_))};
     lists_[p].insert(std::ranges::find_if(lists_[p], [&](const LightRef& r) { return !r.is_emitter || r.light > i; }), ref);
     return true;
 }
 
 // Of emitters that patches have from those beside them: as long as a patch sees as much of them as may be worth it, those beside it have them too. The bound is some four times the
-// form factor in full view: of a part that is just worth being listed there are eight hits in the mean, and two are asked for.
+// form factor in full view: of a part that is just worth being listed there are eight hits in the mean, and two or three are asked for.
 std::vector<std::uint32_t> Bake::hand_on(std::vector<Handed> handed) {
     constexpr double kMost = 64; // rays
     constexpr std::size_t kChunk = 64;
@@ -352,9 +347,10 @@ std::vector<std::uint32_t> Bake::hand_on(std::vector<Handed> handed) {
                 const auto [p, i] = handed[k];
                 if (k == begin || handed[k - 1].patch != p) footprint = footprint_of_patch(p);
                 if (footprint.empty()) continue;
-                const auto tests = static_cast<std::uint32_t>(std::min(kMost, std::ceil(2 * form_factor_bound(p, i) / threshold(p, i))));
+                const double bound = form_factor_bound(p, i), least = threshold(p, i);
+                const auto tests = static_cast<std::uint32_t>(std::min(kMost, std::ceil(2 * bound / least)));
+                const double enough = tests * least / bound; // hits
                 const Sobol points(seed_at(patches_.patches[p].centroid, kHanded));
-                const double enough = tests * threshold(p, i) / form_factor_bound(p, i);
                 std::uint32_t hits = 0;
                 for (std::uint32_t t = 0; t < tests && !seen[k]; ++t) {
                     const std::optional<LightRay> ray = test_ray(p, i, footprint, points, t, tests);
@@ -706,28 +702,30 @@ void Bake::luxel_direct_all() {
     std::vector<std::uint32_t> patches(patches_.patches.size());
     std::iota(patches.begin(), patches.end(), 0u);
     for (std::uint32_t look = 0; !patches.empty(); ++look) {
-        while (!patches.empty()) {
-            std::vector<std::uint32_t> again;
-            const auto mark = [&](std::uint32_t q, const LightRef& found) {
-                for (LightRef& ref : lists_[q])
-                    if (ref.light == found.light && ref.is_emitter == found.is_emitter && !ref.penumbra) ref.penumbra = true, again.push_back(q);
-            };
-            for (const auto& [p, places] : luxel_direct(patches))
-                for (const std::uint32_t r : places) {
-                    const LightRef found = lists_[p][r];
-                    mark(p, found);
-                    for (const std::uint32_t q : neighbours_[p]) mark(q, found);
-                }
-            for (const std::uint32_t p : patches)
-                for (std::size_t r = 0; r < lists_[p].size(); ++r) {
-                    const LightRef found = lists_[p][r];
-                    if (found.hidden && found.penumbra && matters(p, static_cast<double>(brought_[p][r])))
-                        for (const std::uint32_t q : neighbours_[p]) mark(q, found);
-                }
-            patches = each_once(std::move(again));
-        }
+        while (!patches.empty()) patches = mark_beside(patches, luxel_direct(patches));
         if (look < kLooks) patches = look_closely(look);
     }
+}
+
+// By what was found of lights in `patches`, which have just been done: those that look at one closely from now on.
+std::vector<std::uint32_t> Bake::mark_beside(std::span<const std::uint32_t> patches, const std::vector<Found>& divided) {
+    std::vector<std::uint32_t> marked;
+    const auto mark = [&](std::uint32_t q, const LightRef& found) {
+        for (LightRef& ref : lists_[q])
+            if (ref.light == found.light && ref.is_emitter == found.is_emitter && !ref.penumbra) ref.penumbra = true, marked.push_back(q);
+    };
+    const auto mark_around = [&](std::uint32_t p, const LightRef& found) {
+        for (const std::uint32_t q : neighbours_[p]) mark(q, found);
+    };
+    for (const auto& [p, places] : divided)
+        for (const std::uint32_t r : places) {
+            const LightRef found = lists_[p][r];
+            mark(p, found), mark_around(p, found);
+        }
+    for (const std::uint32_t p : patches)
+        for (std::size_t r = 0; r < lists_[p].size(); ++r)
+            if (const LightRef found = lists_[p][r]; found.hidden && found.penumbra && matters(p, static_cast<double>(brought_[p][r]))) mark_around(p, found);
+    return each_once(std::move(marked));
 }
 
 // Is it worth being found, in irradiance of a patch?
@@ -737,10 +735,7 @@ bool Bake::matters(std::uint32_t p, double light) const {
 
 // Lights that test rays saw nothing of, looked for closely at some of the luxels: where one is found, the patch looks closely from then on. Which patches.
 std::vector<std::uint32_t> Bake::look_closely(std::uint32_t look) {
-    const std::uint32_t one_in = pilot_share();
-    std::vector<std::uint32_t> chosen;
-    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l)
-        if (luxel_patch_[l] != kNoPatch && !covered_[luxel_patch_[l]] && luxel_draw_[l] % one_in == (look + 1) % one_in) chosen.push_back(l);
+    const std::vector<std::uint32_t> chosen = drawn_luxels(pilot_share(), look + 1);
     constexpr std::size_t kChunk = 16;
     std::vector<std::vector<std::pair<std::uint32_t, std::size_t>>> found(slots_of(chosen.size(), kChunk)); // patch, place in its list
     parallel_chunks(context_, chosen.size(), kChunk, [&](std::size_t begin, std::size_t end) {

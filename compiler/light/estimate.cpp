@@ -178,16 +178,26 @@ ReflectedLight Bake::coarse_luxels() const {
     return out;
 }
 
+std::uint32_t Bake::pilot_share() const {
+    const std::size_t luxels = surfaces_.luxels.size();
+    return static_cast<std::uint32_t>(std::max<std::size_t>(1, luxels / std::clamp<std::size_t>(luxels / 25, 400, 1500)));
+}
+
+std::vector<std::uint32_t> Bake::drawn_luxels(std::uint32_t one_in, std::uint32_t which, std::size_t* all) const {
+    std::vector<std::uint32_t> drawn;
+    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l) {
+        if (luxel_patch_[l] == kNoPatch || covered_[luxel_patch_[l]]) continue;
+        if (all) ++*all;
+        if (luxel_draw_[l] % one_in == which % one_in) drawn.push_back(l);
+    }
+    return drawn;
+}
+
 // Four independently scrambled replicates at a sample of luxels: their spread is the noise of one, with no
 // reference needed; the same rays looked up in patches of twice the size show how much the patches still matter.
 Bake::PilotResult Bake::pilot(std::uint32_t one_in, bool rough) {
-    std::vector<std::uint32_t> chosen;
     std::size_t all = 0;
-    for (std::uint32_t l = 0; l < surfaces_.luxels.size(); ++l) {
-        if (luxel_patch_[l] == kNoPatch || covered_[luxel_patch_[l]]) continue;
-        ++all;
-        if (luxel_draw_[l] % one_in == 0) chosen.push_back(l);
-    }
+    const std::vector<std::uint32_t> chosen = drawn_luxels(one_in, 0, &all);
     // Light of walls close by as if it changed much everywhere: asked for at the very place.
     std::optional<ReflectedLight> close; // where it is asked for
     std::once_flag once;

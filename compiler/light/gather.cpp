@@ -1,5 +1,6 @@
 // The final gather: a guided bundle from every luxel, all kernels at once.
 #include "compiler/light/bake.h"
+#include "libs/core/each_once.h"
 #include "libs/parallel/parallel.h"
 #include "libs/sampling/maps.h"
 #include <numbers>
@@ -443,9 +444,7 @@ std::vector<Bake::Found> Bake::gather_patches(std::span<const std::uint32_t> pat
                     gathered.luxels.emplace_back(gather(l, kernel_of(l), guide, map_of(luxel.chart), rays_[p], seed_at(luxel_centroid(luxel), stream),
                                                      pass == Pass::last ? nullptr : &gathered.met, {}, memo_ ? &looked : nullptr));
                 }
-                std::ranges::sort(gathered.met);
-                const auto same = std::ranges::unique(gathered.met);
-                gathered.met.erase(same.begin(), same.end());
+                gathered.met = each_once(std::move(gathered.met));
                 if (memo_) memo_->gather.keep(key, states_, looked.parts(), to_bytes(gathered));
             }
             double variance = 0;

@@ -1,5 +1,6 @@
 #include "compiler/light/patches.h"
 #include "libs/core/check.h"
+#include "libs/core/each_once.h"
 #include "libs/sampling/maps.h"
 #include "libs/core/union_find.h"
 #include "libs/parallel/parallel.h"
@@ -307,9 +308,7 @@ TouchingPatches touching_patches(const PieceEdges& edges, const PatchTable& tabl
     TouchingPatches pairs;
     for (const auto& [a, b] : edges)
         if (const std::uint32_t p = table.piece_patch[a], q = table.piece_patch[b]; p != q) pairs.push_back({std::min(p, q), std::max(p, q)});
-    std::ranges::sort(pairs);
-    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
-    return pairs;
+    return each_once(std::move(pairs));
 }
 
 Grouped neighbours_of(const TouchingPatches& touching, std::size_t patches) {

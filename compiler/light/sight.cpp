@@ -1,4 +1,5 @@
 #include "compiler/light/sight.h"
+#include "libs/core/each_once.h"
 
 namespace kiln {
 namespace {
@@ -12,16 +13,10 @@ bool opaque(const World& world, const Surfaces& surfaces, const TraceScene& scen
     }
     return true;
 }
-
-Clusters sorted(Clusters clusters) {
-    std::ranges::sort(clusters);
-    clusters.erase(std::unique(clusters.begin(), clusters.end()), clusters.end());
-    return clusters;
-}
 } // namespace
 
 Clusters Together::clusters() {
-    return known_ ? sorted(std::move(all_)) : Clusters{};
+    return known_ ? each_once(std::move(all_)) : Clusters{};
 }
 
 LightSight::LightSight(const World& world, const Surfaces& surfaces, const Bsp& bsp, const Visibility* seen, const TraceScene& scene, const std::vector<Light>& lights, const EmitterSet& emitters)
@@ -83,7 +78,7 @@ Clusters LightSight::at(std::span<const Vec3> points, double reach) const {
         if (!leaf.cluster.valid()) return {};
         out.push_back(leaf.cluster.value);
     }
-    return sorted(std::move(out));
+    return each_once(std::move(out));
 }
 
 Clusters LightSight::on(const Surfaces& surfaces, FaceId id, Vec2 lo, Vec2 hi, double off) const {

@@ -1,5 +1,4 @@
 #include "compiler/light/lambert.h"
-#include "compiler/light/jacobi.h"
 #include "compiler/light/kernels.h"
 #include "compiler/light/path_tracer.h"
 #include "libs/sampling/sobol.h"
@@ -13,11 +12,6 @@ using namespace kiln::test;
 namespace {
 constexpr double kPi = std::numbers::pi;
 
-Rgbd irradiance(const LightField& field, Vec3 p, Vec3 n, std::uint32_t rays, std::uint64_t seed = 1) {
-    Rgbd e;
-    field.arriving(p, n, rays, seed, [&](Vec3 d, Rgbd w) { e += w * std::max(0.0, dot(d, n)); });
-    return e;
-}
 // Under a sky, or lamps, of radiance 2.
 std::unique_ptr<Baked> baked_under_a_hole(bool sky, FaceOptions above, float grey, double error_percent) {
     std::vector<Light> lights(sky);
@@ -491,89 +485,6 @@ TEST(Bake, RareBrightRaysAreNoSpecks) {
     EXPECT_NEAR(sum / right, 1, 0.004);
 }
 
-// A row of equal patches, each of which sees the next on either side, and one that is lit: B decays by a closed form. The bound holds, few sweeps do.
-TEST(Bounces, ComeToTheClosedFormOfALine) {
-    constexpr std::size_t n = 401, lit = 200;
-    Context context;
-    for (const double rho : {0.2, 0.5, 0.9, 0.99}) {
-        std::vector<Rgbd> direct(n);
-        direct[lit] = {1, 1, 1};
-        const double share = 1e-4;
-        const Bounces got = solve_bounces(direct, std::vector<Rgbd>(n, {rho, rho, rho}), share, context, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
-            if (p > 0) sum += b[p - 1] * 0.5;
-            if (p + 1 < n) sum += b[p + 1] * 0.5;
-        });
-        const double root = std::sqrt(1 - rho * rho), step = (1 - root) / rho; // of an endless line
-        double mean_light = 0, most = 0;
-        for (const Rgbd& h : got.irradiance) mean_light += h.x / n;
-        for (std::size_t p = 0; p < n; ++p) most = std::max(most, std::abs(got.irradiance[p].x - std::pow(step, std::abs(static_cast<double>(p) - static_cast<double>(lit))) / root));
-        EXPECT_LE(got.residual, share) << rho;
-        EXPECT_LE(most, got.residual * mean_light * 1.01 + 1e-9) << rho;
-        for (const Rgbd& h : got.irradiance) EXPECT_GE(h.x, 0) << rho;
-        const double plain = std::log(share * (1 - rho) / n) / std::log(rho); // sweeps of the plain kind, at most
-        EXPECT_LT(got.sweeps, 0.6 * plain + 8) << rho;
-    }
-}
-
-// Added up in floats rows tell the same, within the bound that was asked for and colours apart.
-TEST(Bounces, FloatsWillDo) {
-    constexpr std::size_t n = 301;
-    Context context;
-    std::vector<Rgbd> direct(n), rho(n);
-    for (std::uint64_t p = 0; p < n; ++p) direct[p] = {1e-3 + static_cast<double>(mix(p) % 100), 1, p == 7 ? 1e4 : 0}, rho[p] = {0.8, 0.5, static_cast<double>(mix(p, p) % 90) / 100};
-    const auto row = [&](std::size_t p, const auto& b, auto& sum) {
-        for (std::uint64_t k = 0; k < 20; ++k) sum += b[mix(p, k) % n] * (0.03 + 0.001 * static_cast<double>(k));
-        sum += b[(p + 1) % n] * Rgbd{0.1, 0.05, 0.2};
-    };
-    const double share = 10 * kQuickShare; // reflectances are at most 0.9
-    const Bounces exact = solve_bounces(direct, rho, share, context, row), quick = solve_bounces<QuickLight>(direct, rho, share, context, row);
-    EXPECT_EQ(quick.sweeps, exact.sweeps);
-    for (std::size_t p = 0; p < n; ++p)
-        for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(quick.irradiance[p][c], exact.irradiance[p][c], share * exact.irradiance[p][c] + 1e-9) << p;
-}
-
-// A bright closet beside rooms of which it sees little makes sweeps no less worth than plain ones.
-TEST(Bounces, OneBrightClosetCostsNothing) {
-    constexpr std::size_t n = 202;
-    Context context;
-    std::vector<Rgbd> rho(n, {0.5, 0.5, 0.5}), direct(n);
-    rho[n - 2] = rho[n - 1] = {0.95, 0.95, 0.95}, direct[0] = {100, 100, 100};
-    const auto row = [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) {
-        if (p + 2 >= n) { // it sees itself, and the room a little
-            sum += b[2 * n - 3 - p] * 0.9 + b[0] * 0.1;
-            return;
-        }
-        if (p > 0) sum += b[p - 1] * 0.5;
-        if (p + 1 < n) sum += b[p + 1] * 0.5;
-    };
-    const Bounces got = solve_bounces(direct, rho, 1e-4, context, row);
-    std::vector<Rgbd> exact = direct, next(n), b(n);
-    std::uint32_t plain = 0; // sweeps that as small a change takes
-    for (std::uint32_t sweep = 0; sweep < 2000; ++sweep) {
-        double change = 0, sum = 0;
-        for (std::size_t p = 0; p < n; ++p) b[p] = rho[p] * exact[p];
-        for (std::size_t p = 0; p < n; ++p) row(p, b, next[p] = direct[p]), change = std::max(change, next[p].x - exact[p].x), sum += next[p].x / n;
-        exact = next;
-        if (!plain && change * 0.95 / 0.05 <= 1e-4 * sum) plain = sweep;
-    }
-    double most = 0, mean_light = 0;
-    for (std::size_t p = 0; p < n; ++p) most = std::max(most, std::abs(got.irradiance[p].x - exact[p].x)), mean_light += exact[p].x / n;
-    EXPECT_LE(most, got.residual * mean_light * 1.01);
-    EXPECT_LE(got.sweeps, plain + 8); // they are looked at eight at a time
-}
-
-// Rows of no scene, along which light goes round and never back: sweeps that are drawn out do not settle there, plain ones do.
-TEST(Bounces, SettleWhereLightNeverComesBack) {
-    constexpr std::size_t n = 64;
-    Context context;
-    for (const double rho : {0.5, 0.9, 0.99}) {
-        std::vector<Rgbd> direct(n);
-        direct[0] = {1, 2, 4};
-        const Bounces got = solve_bounces(direct, std::vector<Rgbd>(n, {rho, rho, rho}), 1e-6, context, [&](std::size_t p, const std::vector<Rgbd>& b, Rgbd& sum) { sum += b[(p + n - 1) % n]; });
-        for (std::size_t p = 0; p < n; ++p) EXPECT_NEAR(got.irradiance[p].y, 2 * std::pow(rho, p) / (1 - std::pow(rho, n)), 2e-4) << rho;
-    }
-}
-
 // Close to a point paths ask one of the lights that the bake found on a patch: on the average nothing changes.
 // Forty lamps at one end of a room, at the other end a plate that hides all or half of them from the wall behind.
 TEST(Bake, OneOfManyLightsStandsForAll) {
@@ -763,39 +674,6 @@ TEST(Bake, SmoothedNormals) {
     }
 }
 
-// Every luxel of the floor sees a thirty-second of a lamp, through a slit. What a few rays to the lamp are not likely to tell of a patch, those to it from beside do.
-TEST(Bake, ALampThroughASlit) {
-    const Vec3 at{112, 112, 127};
-    constexpr double kSide = 32, kPlate = 126, kSlit = 1, kRadiance = 50, kBeyond = 8; // how far the plate reaches beyond the lamp
-    const double from = at.x + (kSide - kSlit) / 2;
-    const auto scene = [&] {
-        SurfacesBuilder s;
-        const MaterialId black = s.material({});
-        s.room({{0, 0, 0}, {256, 256, 128}}, all(black), {.luxel = 32});
-        s.rect(at, {0, kSide, 0}, {kSide, 0, 0}, s.material({}, {kRadiance, kRadiance, kRadiance}), {.chart = false});
-        for (const double x : {at.x - kBeyond, from + kSlit}) s.rect({x, at.y - kBeyond, kPlate}, {0, kSide + 2 * kBeyond, 0}, {from - at.x + kBeyond, 0, 0}, black, {.chart = false});
-        return s;
-    };
-    for (const double percent : {20.0, 5.0})
-        for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-            const auto b = bake(scene(), {.error_percent = percent, .seed = seed});
-            ASSERT_TRUE(b);
-            const Surfaces& s = b->scene.surfaces;
-            double off = 0, count = 0;
-            for (const Luxel& l : s.luxels) {
-                const Vec3 x = center_of(s, l);
-                if (x.z > 0) continue;
-                const auto on_lamp = [&](double slit) { return x.x + (slit - x.x) * at.z / kPlate; };
-                const double lo = on_lamp(from), hi = on_lamp(from + kSlit);
-                const std::array<Vec3, 4> seen{Vec3{lo, at.y, at.z}, Vec3{lo, at.y + kSide, at.z}, Vec3{hi, at.y + kSide, at.z}, Vec3{hi, at.y, at.z}};
-                const double e = kPi * kRadiance * lambert_form_factor(x, {0, 0, 1}, seen), got = b->lighting.flat[texel_of(s, l)].x;
-                off += (got / e - 1) * (got / e - 1), ++count;
-            }
-            EXPECT_EQ(count, 64);
-            EXPECT_LT(100 * std::sqrt(off / count), percent) << seed; // up to 44 and 31 where patches are lost
-        }
-}
-
 // The bound of the error holds where each luxel is measured: what the measure itself is off by stays. Errors are against the mean of many bakes.
 TEST(Bake, BoundOfTheErrorOfFewLuxels) {
     SurfacesBuilder scene;
@@ -832,36 +710,6 @@ TEST(Bake, BoundOfTheErrorOfFewLuxels) {
         covered += 100 * std::sqrt(squares * kBakes / (kBakes - 1)) <= b.error.high;
     }
     EXPECT_GE(covered, kBakes - 2); // 16 if the bound is told as if the measure were exact
-}
-
-// A sun through a slit a unit wide draws a streak on the floor that test rays of a patch are likely to miss: who finds it tells those beside it, and some luxels look for it.
-TEST(Bake, AStreakOfSunThroughASlit) {
-    constexpr double kLo = 127.5, kHi = 128.5, kFrom = 64, kTo = 192, kCeiling = 128;
-    Light sun;
-    sun.kind = LightKind::sun, sun.direction = normalize(Vec3{0.2, 0.1, -1}), sun.intensity = {3, 3, 3};
-    constexpr int kSeeds = 8;
-    for (const auto& [luxel, percent] : {std::pair{16.0, 20.0}, std::pair{16.0, 5.0}, std::pair{32.0, 5.0}}) {
-        double mean = 0;
-        for (int seed = 1; seed <= kSeeds; ++seed) {
-            SurfacesBuilder scene;
-            const MaterialId black = scene.material({});
-            auto walls = all(black);
-            walls[5] = MaterialId{};
-            scene.room({{0, 0, 0}, {256, 256, kCeiling}}, walls, {.luxel = luxel});
-            for (const Box3& part : {Box3{{0, 0, 0}, {kLo, 256, 0}}, Box3{{kHi, 0, 0}, {256, 256, 0}}, Box3{{kLo, 0, 0}, {kHi, kFrom, 0}}, Box3{{kLo, kTo, 0}, {kHi, 256, 0}}})
-                scene.rect({part.lo.x, part.lo.y, kCeiling}, {0, part.hi.y - part.lo.y, 0}, {part.hi.x - part.lo.x, 0, 0}, black, {.chart = false});
-            scene.rect({-512, -512, 140}, {0, 1280, 0}, {1280, 0, 0}, scene.material({}, {}, kSky), {.chart = false, .sky = true});
-            const auto b = bake(std::move(scene), {.error_percent = percent, .seed = static_cast<std::uint64_t>(seed)}, {sun});
-            ASSERT_TRUE(b);
-            double light = 0;
-            for (const Luxel& l : b->scene.surfaces.luxels)
-                if (center_of(b->scene.surfaces, l).z <= 0) light += b->lighting.flat[texel_of(b->scene.surfaces, l)].x * luxel * luxel;
-            const double truth = 3 * -sun.direction.z * (kHi - kLo) * (kTo - kFrom);
-            mean += light / truth / kSeeds;
-            EXPECT_LT(b->lighting.error.estimate, 100) << luxel << " " << percent << " " << seed; // a luxel whose light is lost is off by twice itself at most
-        }
-        EXPECT_NEAR(mean, 1, 0.1) << luxel << " " << percent;
-    }
 }
 
 // Asked to stop, it stops with the fault that leads to exit 7.
@@ -925,28 +773,4 @@ TEST(Field, ManyLampsWithinTheRaysOfAPoint) {
         EXPECT_NEAR(sum, truth, 4 * spread / std::sqrt(kTimes)) << free;
         EXPECT_LT(spread, 0.25 * truth) << free; // some 25 of 32 rays, a third of which a plate stops; one ray by chance has 1
     }
-}
-
-// A lamp of which a point sees a 32nd is in the mean as bright as that, though neither the rays of the point nor a few to the lamp are likely to meet it.
-TEST(Field, ALampThroughASlit) {
-    SurfacesBuilder scene;
-    const MaterialId black = scene.material({});
-    scene.room({{0, 0, 0}, {256, 256, 128}}, all(black));
-    const Vec3 at{160, 112, 127};
-    scene.rect(at, {0, 32, 0}, {32, 0, 0}, scene.material({}, {50, 50, 50}), {.chart = false});
-    const Vec3 from{120, 120, 0}, up{0, 0, 1};
-    const auto above = [&](double x) { return from.x + (x - from.x) * (126.0 / 127); }; // in the plane of the plate, before that x of the lamp
-    scene.rect({above(at.x - 8), at.y - 8, 126}, {0, 48, 0}, {above(at.x + 31) - above(at.x - 8), 0, 0}, black, {.chart = false});
-    const auto b = bake(std::move(scene), {.error_percent = 20});
-    ASSERT_TRUE(b);
-    const std::array<Vec3, 4> seen{at + Vec3{31, 0, 0}, at + Vec3{31, 32, 0}, at + Vec3{32, 32, 0}, at + Vec3{32, 0, 0}};
-    const double truth = kPi * 50 * lambert_form_factor(from, up, seen);
-    constexpr int kTimes = 4000;
-    double sum = 0, square = 0;
-    for (int seed = 0; seed < kTimes; ++seed) {
-        const double e = irradiance(*b->field, from, up, 32, static_cast<std::uint64_t>(seed)).x;
-        sum += e / kTimes, square += e * e / kTimes;
-    }
-    EXPECT_NEAR(sum, truth, 4 * std::sqrt((square - sum * sum) / kTimes));
-    EXPECT_LT(4 * std::sqrt((square - sum * sum) / kTimes), 0.25 * truth);
 }

@@ -180,4 +180,11 @@ inline std::unique_ptr<Baked> bake(SurfacesBuilder scene, LightOptions options =
     return b;
 }
 
+// By rays of the field from a point.
+inline Rgbd irradiance(const LightField& field, Vec3 p, Vec3 n, std::uint32_t rays, std::uint64_t seed = 1) {
+    Rgbd e;
+    field.arriving(p, n, rays, seed, [&](Vec3 d, Rgbd w) { e += w * std::max(0.0, dot(d, n)); });
+    return e;
+}
+
 } // namespace kiln::test
