@@ -89,12 +89,10 @@ Frame light_frame(const Surfaces& s, FaceId id, Vec3 point) {
     return light_frame(chart, face, chart.smooth ? shading_normal(s, id, point) : chart.n);
 }
 
-Rgbd reflected_radiance(const Surfaces& s, const LuxelIndex& index, const PatchTable& patches,
-                        const ReflectedLight& light, const SceneHit& hit, Looked* looked) {
-    const Face& face = s.faces[hit.face.at()];
+Rgbd reflected_radiance(const LuxelIndex& index, const PatchTable& patches,
+                        const ReflectedLight& light, const SceneHit& hit, std::uint32_t texel, Looked* looked) {
     std::uint32_t patch;
-    if (face.chart.valid()) {
-        const std::uint32_t texel = index.texel_at(hit.face, hit.position);
+    if (texel != UINT32_MAX) {
         if (patches.texel_patch[texel] < kMixedPatch) {
             if (looked) looked->at(patches.texel_patch[texel]);
             return static_cast<Rgbd>(light.texel[texel]);

@@ -364,7 +364,10 @@ private:
     static constexpr int kNearBounces = 4; // of reflected_at
     Choice near_lights_of(std::uint32_t patch) const;
     Rgbd one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random) const;
-    Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const;
+    Rgbd reflected_at(const SceneHit& hit, std::uint32_t texel, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const;
+    Rgbd reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked, int depth) const {
+        return reflected_at(hit, index_.texel_at(hit.face, hit.position), came, random, light, looked, depth);
+    }
     // estimate.cpp
     struct PilotResult {                  // of what is shown along that of the four normals that fares worst
         double noise = 0, bias = 0;       // rRMSE
@@ -498,9 +501,8 @@ private:
     Lighting out_;
 };
 
-// What leaves a hit by reflection.
-Rgbd reflected_radiance(const Surfaces& surfaces, const LuxelIndex& index, const PatchTable& patches,
-                        const ReflectedLight& light, const SceneHit& hit, Looked* looked = nullptr);
+// What leaves a hit, in that texel, by reflection.
+Rgbd reflected_radiance(const LuxelIndex& index, const PatchTable& patches, const ReflectedLight& light, const SceneHit& hit, std::uint32_t texel, Looked* looked = nullptr);
 Rgbd sky_radiance(const std::vector<Light>& lights);
 // Of all that makes its light: not the number of its entity.
 std::uint64_t light_id(Light light);

@@ -26,9 +26,9 @@ template <class Visit> void for_each_bilinear(const Surfaces& surfaces, FaceId f
 } // namespace
 
 std::uint32_t LightField::Data::place_at(const SceneHit& hit) const {
-    const Face& face = surfaces.faces[hit.face.at()];
-    if (!face.chart.valid()) return static_cast<std::uint32_t>(surfaces.pieces.size()) + hit.face.value;
-    if (const std::uint32_t place = texel_place[index.texel_at(hit.face, hit.position)]; place != FieldBundle::kBlack) return place;
+    const std::uint32_t texel = index.texel_at(hit.face, hit.position);
+    if (texel == UINT32_MAX) return static_cast<std::uint32_t>(surfaces.pieces.size()) + hit.face.value;
+    if (const std::uint32_t place = texel_place[texel]; place != FieldBundle::kBlack) return place;
     const std::uint32_t piece = index.piece_at(hit.face, hit.position);
     return piece == UINT32_MAX ? FieldBundle::kBlack : piece;
 }

@@ -102,8 +102,12 @@ Vec2 Guide::sample_cells(Vec2 u, double* density) const {
     if (uniform_) return u;
     const auto invert = [](const std::array<double, kSide + 1>& cdf, double v, std::size_t* cell) {
         const double wanted = v * cdf[kSide];
-        std::size_t lo = 0;
-        for (std::size_t step = kSide / 2; step; step /= 2) lo += step * static_cast<std::size_t>(cdf[lo + step] <= wanted);
+        // Counted, not searched: no step waits for another. The first is 0, and always below.
+        using Pair [[gnu::vector_size(16)]] = double;
+        using Count [[gnu::vector_size(16)]] = std::int64_t;
+        Count below{1, 0}; // less 1 for each
+        for (std::size_t k = 0; k < kSide; k += 2) below += Pair{cdf[k], cdf[k + 1]} <= Pair{wanted, wanted};
+        const auto lo = static_cast<std::size_t>(-(below[0] + below[1]));
         *cell = lo;
         return (static_cast<double>(lo) + std::clamp((wanted - cdf[lo]) / (cdf[lo + 1] - cdf[lo]), 0.0, 1.0)) /
                kSide;
@@ -184,15 +188,14 @@ Rgbd Bake::one_light_at(std::uint32_t patch, Vec3 x, Vec3 normal, Random& random
 // Radiance reflected at a hit. One close by lies where light may vary within a luxel and much within a patch (the
 // other wall of a corner, a crevice): there the direct light of the luxel is kept, if it is much the same around it and
 // else asked for at the very place, and the rest taken one bounce further on.
-Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked,
+Rgbd Bake::reflected_at(const SceneHit& hit, std::uint32_t texel, Vec3 came, Random& random, const ReflectedLight& light, Looked* looked,
                         int depth) const {
     constexpr double kNearLuxels = 1.5;
-    const Face& face = surfaces_.faces[hit.face.at()];
-    if (depth < kNearBounces && face.chart.valid()) {
-        const Chart& chart = surfaces_.charts[face.chart.at()];
-        if (hit.distance < kNearLuxels * chart.luxel_size) {
-            const std::uint32_t texel = index_.texel_at(hit.face, hit.position), patch = patches_.texel_patch[texel];
+    if (depth < kNearBounces && texel != UINT32_MAX) {
+        if (hit.distance < kNearLuxels * index_.luxel_size(hit.face)) {
+            const std::uint32_t patch = patches_.texel_patch[texel];
             if (patch < kMixedPatch) {
+                const Face& face = surfaces_.faces[hit.face.at()];
                 const auto all = static_cast<std::uint32_t>(patches_.patches.size());
                 if (looked) looked->at(patch), looked->at(all + patch);
                 if (looked && light.steep[texel]) looked->at(2 * all + patch);
@@ -222,7 +225,7 @@ Rgbd Bake::reflected_at(const SceneHit& hit, Vec3 came, Random& random, const Re
             }
         }
     }
-    return reflected_radiance(surfaces_, index_, patches_, light, hit, looked);
+    return reflected_radiance(index_, patches_, light, hit, texel, looked);
 }
 
 LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide& guide, const HemisphereMap& map,
@@ -239,14 +242,19 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     thread_local std::vector<Vec3> origins, directions;
     thread_local std::vector<double> weights;
     thread_local std::vector<std::optional<SceneHit>> found;
-    thread_local std::vector<Vec2> squares;
-    origins.resize(rays), directions.resize(rays), weights.resize(rays), found.resize(rays), squares.resize(rays);
+    thread_local std::vector<std::uint32_t> texels; // of what was found
+    thread_local std::array<std::vector<double>, 4> numbers; // two for where to, two for where from
+    origins.resize(rays), directions.resize(rays), weights.resize(rays), found.resize(rays), texels.resize(rays);
     // Each in a loop of its own: what one ray waits for, the next works on meanwhile.
-    for (std::uint32_t i = 0; i < rays; ++i) squares[i] = guide.sample(points.pair(i, 0), &weights[i]);
-    for (std::uint32_t i = 0; i < rays; ++i) directions[i] = map.direction(squares[i]);
+    for (std::size_t d = 0; d < 4; ++d) numbers[d].resize(rays), points.first(numbers[d], static_cast<int>(d));
+    for (std::uint32_t i = 0; i < rays; ++i) {
+        const Vec2 to = guide.sample({numbers[0][i], numbers[1][i]}, &weights[i]);
+        numbers[0][i] = to.x, numbers[1][i] = to.y;
+    }
+    for (std::uint32_t i = 0; i < rays; ++i) directions[i] = map.direction({numbers[0][i], numbers[1][i]});
     for (std::uint32_t i = 0; i < rays; ++i) {
         const Vec3 local = directions[i];
-        const Footprint::Point at = footprint.sample(points.pair(i, 2));
+        const Footprint::Point at = footprint.sample({numbers[2][i], numbers[3][i]});
         const Frame frame = footprint.bent() ? frame_around(at.normal) : plain;
         directions[i] = frame.world(local);
         weights[i] = 1 / (weights[i] * map.density(local.z)); // solid angle times rays
@@ -260,6 +268,10 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
     // Emitters without rays of their own that the bundle met more of than it should have.
     thread_local std::vector<std::uint32_t> unlisted, heavy;
     unlisted.clear(), heavy.clear();
+    for (std::uint32_t i = 0; i < rays; ++i) {
+        texels[i] = found[i] && !found[i]->back ? index_.texel_at(found[i]->face, found[i]->position) : UINT32_MAX;
+        if (texels[i] != UINT32_MAX) __builtin_prefetch(&patches_.texel_patch[texels[i]]), __builtin_prefetch(&reflected_.texel[texels[i]]);
+    }
     for (const auto& hit : found) {
         if (!hit || hit->back) continue;
         const std::uint32_t e = emitters_.of_face[hit->face.at()];
@@ -275,20 +287,23 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         met->insert(met->end(), heavy.begin(), heavy.end());
     }
     // Besides the sums, what a regression on the known integral of the kernels needs (unit radiance as control).
-    std::array<double, 4> unit{};
+    struct Quarter {
+        std::array<KernelValues, 3> light{}; // per colour
+        KernelValues unit;
+    };
+    std::array<Quarter, 4> in_quarter{};
     Rgbd cross_sum;
     double unit_square = 0, own_square = 0;
-    std::array<KernelSum, 4> quarter{};
-    std::array<std::array<double, 4>, 4> unit_quarter{};
     std::vector<PaneHit> panes; // of a ray
     const auto seen = [&](std::uint32_t i, Random& random, const ReflectedLight& light, Rgbd behind) {
         return panes.empty() ? behind : through_panes(panes, directions[i], patch, heavy, random, light, looked, 0, behind);
     };
-    for (std::uint32_t i = 0; i < rays; ++i) {
-        if (scene_.has_panes())
+    const bool has_panes = scene_.has_panes();
+    for (std::uint32_t i = 0, q = 0; i < rays; ++i) {
+        if (has_panes)
             scene_.panes(origins[i], directions[i], found[i] ? found[i]->distance : 1e30,
                          {.start = std::sqrt(footprint.area() / rays), .end = std::sqrt(weights[i] / rays), .start_normal = normal}, panes);
-        const std::array<double, 4> k = kernel.values(directions[i]);
+        const KernelValues k = kernel.values(directions[i]);
         Rgbd radiance, emitted;
         Random random(mix(seed, i));
         if (!found[i]) {
@@ -297,7 +312,7 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         } else if (found[i]->back) {
             ++out.hits.back;
         } else {
-            radiance = reflected_at(*found[i], directions[i], random, reflected_, looked, 0);
+            radiance = reflected_at(*found[i], texels[i], directions[i], random, reflected_, looked, 0);
             const std::uint32_t emitter = emitters_.of_face[found[i]->face.at()];
             if (emitter != UINT32_MAX && !listed(patch, emitter) && !std::ranges::binary_search(heavy, emitter))
                 emitted = emitters_.emitters[emitter].radiance;
@@ -307,20 +322,29 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         for (Other& o : others) {
             Random same(mix(seed, i));
             Rgbd there = found[i] ? Rgbd{} : sky_;
-            if (found[i] && !found[i]->back) there = reflected_at(*found[i], directions[i], same, *o.light, looked, 0) + emitted;
+            if (found[i] && !found[i]->back) there = reflected_at(*found[i], texels[i], directions[i], same, *o.light, looked, 0) + emitted;
             kernel.add(o.sum, k, seen(i, same, *o.light, there) * (weights[i] / rays));
         }
-        const double w = weights[i];
-        kernel.add(quarter[i * 4 / rays], k, radiance * w);
-        for (std::size_t j = 0; j < 4; ++j) unit_quarter[i * 4 / rays][j] += w * k[j];
-        unit_square += w * k[0] * w * k[0];
-        cross_sum += radiance * (w * k[0] * w * k[0]);
+        const double w = weights[i], square = w * k[0] * w * k[0];
+        while (std::uint64_t{q + 1} * rays <= std::uint64_t{4} * i) ++q;
+        Quarter& in = in_quarter[q];
+        for (std::size_t c = 0; c < 3; ++c) in.light[c].add(k, radiance[c] * w);
+        in.unit.add(k, w);
+        unit_square += square;
+        cross_sum += radiance * square;
         own_square += mean(radiance) * w * k[0] * mean(radiance) * w * k[0];
     }
     const double n = rays;
+    std::array<double, 4> unit{};
+    std::array<KernelSum, 4> quarter{};
+    std::array<std::array<double, 4>, 4> unit_quarter{};
     for (std::size_t q = 0; q < 4; ++q) {
+        for (std::size_t c = 0; c < 3; ++c) {
+            quarter[q].flat[c] = in_quarter[q].light[c][0];
+            for (std::size_t j = 0; kernel.cone && j < 3; ++j) quarter[q].rnm[j][c] = in_quarter[q].light[c][j + 1];
+        }
         out.sum += quarter[q], quarter[q] *= 4 / n;
-        for (std::size_t j = 0; j < 4; ++j) unit[j] += unit_quarter[q][j] / n, unit_quarter[q][j] *= 4 / n;
+        for (std::size_t j = 0; j < 4; ++j) unit[j] += in_quarter[q].unit[j] / n, unit_quarter[q][j] = in_quarter[q].unit[j] * (4 / n);
     }
     out.sum *= 1 / n;
     // Control variate: E = mean(L w) - beta (mean(w) - pi), beta by regression, as far as the two go together: where all radiance is alike the result is exact,

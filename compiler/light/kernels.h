@@ -81,14 +81,22 @@ private:
     double gram_scale_ = 1, uniform_moment_ = 0;
 };
 
+// The flat kernel and the three directional ones for a direction (0 where there is no cone). In registers: an array written number by number and read
+// in pairs waits for its own writes.
+struct KernelValues {
+    using Pair [[gnu::vector_size(16)]] = double;
+    Pair flat_first{}, second_third{};
+    double operator[](std::size_t i) const { return i < 2 ? flat_first[i] : second_third[i - 2]; }
+    void add(const KernelValues& o, double weight) { flat_first += o.flat_first * weight, second_third += o.second_third * weight; }
+};
+
 // The kernel of one luxel.
 struct LuxelKernel {
     Frame frame; // around the shading normal
     RnmEncoding encoding = RnmEncoding::dot;
     const ConeTable* cone = nullptr; // none: flat only
     void fields(ByteWriter& w) const; // all that it is made of
-    // The flat kernel and the three directional ones (0 where there is no cone).
-    std::array<double, 4> values(Vec3 direction) const;
+    KernelValues values(Vec3 direction) const;
     // Does one of them bend over what lies in a ball, as seen from its luxel? Irradiance along the basis does at the horizon of each basis vector.
     bool bends_over(Vec3 to_center, double radius) const {
         return cone && encoding == RnmEncoding::tilted &&
@@ -100,7 +108,7 @@ struct LuxelKernel {
     void add(KernelSum& sum, Vec3 direction, Rgbd weight) const {
         add(sum, values(direction), weight);
     }
-    void add(KernelSum& sum, const std::array<double, 4>& k, Rgbd weight) const { // k: its values
+    void add(KernelSum& sum, const KernelValues& k, Rgbd weight) const { // k: its values
         sum.flat += weight * k[0];
         if (!cone) return;
         for (std::size_t i = 0; i < 3; ++i) sum.rnm[i] += weight * k[i + 1];
@@ -121,22 +129,19 @@ struct LuxelKernel {
 };
 constexpr double kTypicalTilt = 0.354; // sine of 20.7 degrees, the root mean square tilt within a cone of 30
 
-inline std::array<double, 4> LuxelKernel::values(Vec3 direction) const {
+inline KernelValues LuxelKernel::values(Vec3 direction) const {
     const double cosine = dot(direction, frame.n), positive = std::max(0.0, cosine);
-    if (!cone) return {positive, 0, 0, 0};
+    using Pair = KernelValues::Pair;
+    if (!cone) return {Pair{positive, 0}, Pair{}};
     const double x = dot(direction, frame.t), y = dot(direction, frame.b);
-    std::array<double, 4> k{positive};
+    const auto each = [&](const auto& of) { return KernelValues{Pair{positive, of(std::size_t{0})}, Pair{of(std::size_t{1}), of(std::size_t{2})}}; };
     if (encoding == RnmEncoding::dot) {
         const double r = cone->tangential(cosine);
-        for (std::size_t i = 0; i < 3; ++i)
-            k[i + 1] = positive * kInvSqrt3 + r * (kRnmBasis[i].x * x + kRnmBasis[i].y * y);
-    } else if (encoding == RnmEncoding::tilted) {
-        for (std::size_t i = 0; i < 3; ++i) k[i + 1] = std::max(0.0, dot(kRnmBasis[i], Vec3{x, y, cosine}));
-    } else {
-        const double turns = std::atan2(y, x) / (2 * std::numbers::pi);
-        for (std::size_t i = 0; i < 3; ++i) k[i + 1] = cone->moment(cosine, turns - static_cast<double>(i) / 3);
+        return each([&](std::size_t i) { return positive * kInvSqrt3 + r * (kRnmBasis[i].x * x + kRnmBasis[i].y * y); });
     }
-    return k;
+    if (encoding == RnmEncoding::tilted) return each([&](std::size_t i) { return std::max(0.0, dot(kRnmBasis[i], Vec3{x, y, cosine})); });
+    const double turns = std::atan2(y, x) / (2 * std::numbers::pi);
+    return each([&](std::size_t i) { return cone->moment(cosine, turns - static_cast<double>(i) / 3); });
 }
 
 // The flat value and what the directional ones say for the flat normal are one thing (not under `tilted`): moves these to it, as little as possible.

@@ -48,13 +48,16 @@ double polygon_area(const PiecePoints& p) {
 LuxelIndex::LuxelIndex(const Surfaces& surfaces)
     : surfaces_(surfaces), texel_luxel_(surfaces.texel_count, UINT32_MAX) {
     for (std::size_t i = 0; i < surfaces.luxels.size(); ++i) texel_luxel_[texel_of(surfaces, surfaces.luxels[i])] = static_cast<std::uint32_t>(i);
-}
-
-std::uint32_t LuxelIndex::texel_at(FaceId face, Vec3 point) const {
-    const Chart& c = surfaces_.charts[surfaces_.faces[face.at()].chart.at()];
-    const Vec2 p = luxel_from_world(surfaces_, face, point);
-    const double x = std::clamp(p.x, 0.0, c.width - 1.0), y = std::clamp(p.y, 0.0, c.height - 1.0);
-    return c.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
+    lattice_.resize(surfaces.faces.size());
+    for (std::uint32_t f = 0; f < lattice_.size(); ++f) {
+        const Face& face = surfaces.faces[f];
+        if (!face.chart.valid()) continue;
+        const Chart& c = surfaces.charts[face.chart.at()];
+        lattice_[f] = {c.origin, c.s, c.t, c.luxel_size, c.luxel_size, c.first_texel, c.width, c.height};
+        if (!face.curved()) continue;
+        const LuxelMap& map = surfaces.luxel_map({f});
+        lattice_[f].origin = map.origin, lattice_[f].s = map.s, lattice_[f].t = map.t, lattice_[f].unit = 1;
+    }
 }
 
 std::uint32_t LuxelIndex::piece_at(FaceId face, Vec3 point) const {
@@ -92,12 +95,11 @@ std::uint32_t LuxelIndex::piece_at(FaceId face, Vec3 point) const {
     return best;
 }
 
-std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index,
-                       std::span<const std::uint32_t> texel_patch, std::span<const std::uint32_t> piece_patch,
+std::uint32_t patch_at(const LuxelIndex& index, std::span<const std::uint32_t> texel_patch, std::span<const std::uint32_t> piece_patch,
                        std::span<const std::uint32_t> face_patch, FaceId face, Vec3 point) {
-    const Face& f = surfaces.faces[face.at()];
-    if (!f.chart.valid()) return face_patch[face.at()];
-    const std::uint32_t patch = texel_patch[index.texel_at(face, point)];
+    const std::uint32_t texel = index.texel_at(face, point);
+    if (texel == UINT32_MAX) return face_patch[face.at()];
+    const std::uint32_t patch = texel_patch[texel];
     if (patch < kMixedPatch) return patch;
     const std::uint32_t piece = index.piece_at(face, point);
     return piece == UINT32_MAX ? kNoPatch : piece_patch[piece];

@@ -52,20 +52,32 @@ std::vector<Rgbd> values_at_luxels(const Surfaces& surfaces, const Grouped& neig
 class LuxelIndex {
 public:
     explicit LuxelIndex(const Surfaces& surfaces);
-    // Texel (index over all charts) of a point on a face with a chart, clamped into the chart.
-    std::uint32_t texel_at(FaceId face, Vec3 point) const;
+    // Texel (index over all charts) of a point on a face, clamped into its chart; UINT32_MAX: it has none.
+    std::uint32_t texel_at(FaceId face, Vec3 point) const {
+        const Lattice& lattice = lattice_[face.at()];
+        if (lattice.first_texel == UINT32_MAX) return UINT32_MAX;
+        const Vec3 d = point - lattice.origin;
+        const double x = std::clamp(dot(d, lattice.s) / lattice.unit, 0.0, lattice.width - 1.0), y = std::clamp(dot(d, lattice.t) / lattice.unit, 0.0, lattice.height - 1.0);
+        return lattice.first_texel + static_cast<std::uint32_t>(y) * lattice.width + static_cast<std::uint32_t>(x);
+    }
+    double luxel_size(FaceId face) const { return lattice_[face.at()].luxel_size; } // map units; of a face with a chart
     std::uint32_t luxel_of(std::uint32_t texel) const { return texel_luxel_[texel]; } // UINT32_MAX: none
     // The piece of `face` nearest to a point, looked for in the point's texel and the eight around it.
     std::uint32_t piece_at(FaceId face, Vec3 point) const;
 
 private:
+    struct Lattice { // of a face, what its chart says of it: those lie too far apart in memory to be asked ray by ray
+        Vec3 origin, s, t;
+        double unit = 1, luxel_size = 0; // along s and t
+        std::uint32_t first_texel = UINT32_MAX, width = 0, height = 0;
+    };
     const Surfaces& surfaces_;
+    std::vector<Lattice> lattice_;
     std::vector<std::uint32_t> texel_luxel_;
 };
 
 // Hit -> patch, from the tables kept in Lighting.
-std::uint32_t patch_at(const Surfaces& surfaces, const LuxelIndex& index,
-                       std::span<const std::uint32_t> texel_patch, std::span<const std::uint32_t> piece_patch,
+std::uint32_t patch_at(const LuxelIndex& index, std::span<const std::uint32_t> texel_patch, std::span<const std::uint32_t> piece_patch,
                        std::span<const std::uint32_t> face_patch, FaceId face, Vec3 point);
 
 // Uniform points on a union of pieces or triangles; all lie inside by a margin, so that neither rounding nor the

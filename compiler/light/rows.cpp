@@ -13,7 +13,7 @@
 namespace kiln {
 
 std::uint32_t Bake::code_at(const SceneHit& hit) const {
-    const std::uint32_t code = patch_at(surfaces_, index_, patches_.texel_patch, patches_.piece_patch, patches_.face_patch, hit.face, hit.position);
+    const std::uint32_t code = patch_at(index_, patches_.texel_patch, patches_.piece_patch, patches_.face_patch, hit.face, hit.position);
     if (code != kNoPatch) return code;
     const std::uint32_t emitter = emitters_.of_face[hit.face.at()];
     return emitter != UINT32_MAX ? kHitEmitter | emitter : kHitBlack;

@@ -72,10 +72,12 @@ struct TraceScene::Data {
         ++rays_traced;
         rtcIntersect1(scene, &context, &ray);
         if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-        return resolve(origin, direction, ray.hit.primID, ray.ray.tfar);
+        std::optional<SceneHit> hit;
+        resolve(origin, direction, ray.hit.primID, ray.ray.tfar, hit.emplace());
+        return hit;
     }
-    SceneHit resolve(Vec3 origin, Vec3 direction, std::uint32_t primitive, float t) const {
-        SceneHit hit;
+    // In its place: a hit that is put together elsewhere and copied waits for its own writes.
+    void resolve(Vec3 origin, Vec3 direction, std::uint32_t primitive, float t, SceneHit& hit) const {
         hit.triangle = triangle_of[primitive];
         hit.face = surfaces->triangle_face[hit.triangle];
         const Face& face = surfaces->faces[hit.face.at()];
@@ -86,7 +88,6 @@ struct TraceScene::Data {
         hit.position = origin + direction * hit.distance;
         hit.back = cosine > 0 && !face.two_sided;
         hit.sky = face.sky;
-        return hit;
     }
     // `way(i)`: from where to where. Packets and single rays give the same bits.
     template <class Way> void occluded(std::size_t count, const Way& way, std::span<std::uint8_t> hidden) const {
@@ -206,7 +207,9 @@ std::optional<SceneHit> TraceScene::closest(Vec3 origin, Vec3 unit_direction, do
     ++rays_traced;
     rtcIntersect1(d.scene, &context, &ray);
     if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return far < 1e30 ? std::nullopt : d.again(origin, unit_direction);
-    return d.resolve(origin, unit_direction, ray.hit.primID, ray.ray.tfar);
+    std::optional<SceneHit> hit;
+    d.resolve(origin, unit_direction, ray.hit.primID, ray.ray.tfar, hit.emplace());
+    return hit;
 }
 
 void TraceScene::closest(std::span<const Vec3> origins, std::span<const Vec3> unit_directions,
@@ -233,8 +236,7 @@ void TraceScene::closest(std::span<const Vec3> origins, std::span<const Vec3> un
             if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID)
                 hits[first + i] = d.again(origins[first + i], unit_directions[first + i]);
             else
-                hits[first + i] = d.resolve(origins[first + i], unit_directions[first + i], packet.hit.primID[i],
-                                            packet.ray.tfar[i]);
+                d.resolve(origins[first + i], unit_directions[first + i], packet.hit.primID[i], packet.ray.tfar[i], hits[first + i].emplace());
         }
     }
 }

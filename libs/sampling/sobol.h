@@ -11,6 +11,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <span>
 
 namespace kiln {
 
@@ -115,6 +116,20 @@ public:
         const auto& t = detail::kSobolTable[d];
         const std::uint32_t raw = t[0][index & 255] ^ t[1][(index >> 8) & 255] ^ t[2][(index >> 16) & 255];
         return detail::reverse_bits(scramble_[d](raw)) * 0x1p-32;
+    }
+    // The first points, in one dimension: the same, a step at a time for all of them.
+    void first(std::span<double> out, int dimension) const {
+        const auto d = static_cast<std::size_t>(dimension);
+        const auto& t = detail::kSobolTable[d];
+        const detail::Scramble& scramble = scramble_[d];
+        std::array<std::uint32_t, 64> x;
+        for (std::size_t from = 0; from < out.size(); from += x.size()) {
+            const std::size_t n = std::min(x.size(), out.size() - from);
+            for (std::size_t i = 0; i < n; ++i) x[i] = t[0][(from + i) & 255] ^ t[1][((from + i) >> 8) & 255] ^ t[2][((from + i) >> 16) & 255];
+            for (std::size_t i = 0; i < n; ++i) x[i] = detail::reverse_bits(scramble(x[i]));
+            // Halves, which fit what processors turn into doubles.
+            for (std::size_t i = 0; i < n; ++i) out[from + i] = static_cast<std::int32_t>(x[i] >> 16) * 0x1p-16 + static_cast<std::int32_t>(x[i] & 0xFFFFu) * 0x1p-32;
+        }
     }
     // Dimensions (0,1) of any 2^k points starting at a multiple of 2^k are a (0,k,2)-net.
     constexpr Vec2 pair(std::uint32_t index, int first_dimension) const {

@@ -85,7 +85,7 @@ private:
     std::uint32_t patch_of(const std::optional<SceneHit>& hit) const {
         if (!hit || hit->back) return kNothing;
         const PatchTable& t = set_.table;
-        const std::uint32_t p = patch_at(scene_.surfaces, scene_.field().data().index, t.texel_patch, t.piece_patch, t.face_patch, hit->face, hit->position);
+        const std::uint32_t p = patch_at(scene_.field().data().index, t.texel_patch, t.piece_patch, t.face_patch, hit->face, hit->position);
         return p == kNoPatch ? kNothing : p;
     }
 

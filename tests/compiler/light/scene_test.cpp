@@ -190,7 +190,7 @@ TEST(Patches, AreFoundFromPoints) {
         f.add_piece(b.surfaces, piece);
         const Sobol points(i);
         for (std::uint32_t k = 0; k < 4; ++k)
-            EXPECT_EQ(patch_at(b.surfaces, index, table.texel_patch, table.piece_patch, table.face_patch,
+            EXPECT_EQ(patch_at(index, table.texel_patch, table.piece_patch, table.face_patch,
                                piece.face, f.sample(points.pair(k, 0)).position),
                       table.piece_patch[i]);
     }
