@@ -408,23 +408,25 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
     const auto share = looks_many_ways(patch) ? EmitterSet::Share::solid : EmitterSet::Share::cosine;
     const auto lifted = [&](Point p) { return Point{p.position + p.normal * scene_.push_off(), p.normal}; };
     struct At { // a receiver
-        Sobol points;
+        std::optional<Sobol> points; // where they are asked for: most lights are points, seen from the middle
         Point middle;
     };
     thread_local std::vector<At> at;
     at.clear();
-    const auto place = [&](std::size_t r, std::uint32_t index) { return lifted(receivers[r].footprint->sample(at[r].points.pair(index, 0))); };
+    const auto points_of = [&](std::size_t r) -> const Sobol& { return at[r].points ? *at[r].points : at[r].points.emplace(mix(receivers[r].seed, stream_of(ref))); };
+    const auto place = [&](std::size_t r, std::uint32_t index) { return lifted(receivers[r].footprint->sample(points_of(r).pair(index, 0))); };
     for (std::size_t r = 0; r < receivers.size(); ++r) {
         const Footprint& footprint = *receivers[r].footprint;
-        at.push_back({Sobol(mix(receivers[r].seed, stream_of(ref))), {}});
+        at.emplace_back();
         at[r].middle = footprint.bent() ? place(r, 0) : lifted({footprint.centroid(), footprint.normal()});
     }
     // Rays from one place to `each` points of an emitter at least: a `few`, or so many that none has to be traced. visit(ray, way, weight, ambient): what it brings,
     // along its way and along the normal. `width` of a part of the footprint, `discs`: parts of a sun's disc.
-    const auto shine = [&](const Sobol& points, const Point& from, std::uint32_t index, std::uint32_t each, bool few, double width, std::uint32_t discs, const auto& visit) {
+    const auto shine = [&](std::size_t r, const Point& from, std::uint32_t index, std::uint32_t each, bool few, double width, std::uint32_t discs, const auto& visit) {
         const Vec3 x = from.position, normal = from.normal;
         if (ref.is_emitter) {
             const Emitter& e = emitters_.emitters[ref.light];
+            const Sobol& points = points_of(r);
             const Vec3 off = e.normal * scene_.push_off();
             const auto bring = [&](Vec3 y, Vec3 flux) {
                 const double solid = length(flux);
@@ -435,10 +437,11 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
             return;
         }
         // Of a sun in full view many points of its disc: where it grazes a surface one of them says little.
-        const std::uint32_t many = !few && light.kind == LightKind::sun && light.angular_radius_rad > 0 ? each : 1;
+        const bool disc = light.kind == LightKind::sun && light.angular_radius_rad > 0;
+        const std::uint32_t many = !few && disc ? each : 1;
         for (std::uint32_t k = 0; k < many; ++k) {
             LightSample s;
-            if (sample_light(light, x, normal, points.pair(index * many + k, 2), &s))
+            if (sample_light(light, x, normal, disc ? points_of(r).pair(index * many + k, 2) : Vec2{}, &s))
                 visit(ray_to(s, x, width, normal, part_of_disc(light, few ? discs : many)), s.direction, s.weight * (1.0 / many), s.ambient * (1.0 / many));
         }
     };
@@ -461,7 +464,7 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
         for (std::size_t r = 0; r < receivers.size(); ++r) {
             first.push_back(queue.size());
             for (std::uint32_t k = 0; k < checks; ++k)
-                shine(at[r].points, checks == 1 && !ref.hidden ? at[r].middle : place(r, k), k, 1, true, std::sqrt(receivers[r].footprint->area()), 1,
+                shine(r, checks == 1 && !ref.hidden ? at[r].middle : place(r, k), k, 1, true, std::sqrt(receivers[r].footprint->area()), 1,
                       [](const LightRay& ray, Vec3, Rgbd, Rgbd) { queue.push_back(ray); });
         }
         first.push_back(queue.size());
@@ -506,7 +509,7 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
             for (std::uint32_t k = 0; k < places; ++k) {
                 const Vec2 in{(k % side + 0.5) / side, (k / side + 0.5) / side};
                 const Point from = !grid ? place(r, k) : side == 1 ? middle : lifted(footprint.sample(in));
-                shine(at[r].points, from, k, each, false, std::sqrt(footprint.area()) / side, 1, [&](const LightRay& ray, Vec3 way, Rgbd weight, Rgbd ambient) {
+                shine(r, from, k, each, false, std::sqrt(footprint.area()) / side, 1, [&](const LightRay& ray, Vec3 way, Rgbd weight, Rgbd ambient) {
                     const Transmitted arrives = filter ? scene_.transmitted(ray) : Transmitted{{1, 1, 1}};
                     if (!arrives.blocked) add(kernel, part, way, arrives.share * weight, from.normal, arrives.share * ambient);
                 });
@@ -562,7 +565,7 @@ bool Bake::direct_from(const LightRef& ref, std::uint32_t patch, std::span<Recei
         parts.push_back({r, queue.size(), places});
         for (std::uint32_t k = 0; k < places; ++k) {
             const Point from = place(r, k);
-            shine(at[r].points, from, k, each, true, std::sqrt(receivers[r].footprint->area() / places), places,
+            shine(r, from, k, each, true, std::sqrt(receivers[r].footprint->area() / places), places,
                   [&](const LightRay& ray, Vec3 way, Rgbd weight, Rgbd ambient) { queue.push_back(ray), brought.push_back({way, from.normal, weight, ambient, k}); });
         }
         if (queue.size() >= kTogether) flush();
