@@ -38,7 +38,7 @@ endfunction()
 # For libraries whose time is arithmetic: innermost loops laid out side by side, square roots and rounding without a call. The same bits. What
 # Embree asks of a processor at the least may be used.
 function(kiln_arithmetic name)
-  target_compile_options(${name} PRIVATE "$<$<CONFIG:Release>:-O3;-fno-math-errno>")
+  target_compile_options(${name} PRIVATE "$<$<CONFIG:Release>:-O3;-fno-math-errno;-fno-trapping-math>")
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
     target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-msse4.2>)
     if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)

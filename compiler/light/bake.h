@@ -83,8 +83,8 @@ struct Quality {                        // what the error target buys; tuned in 
 // that do not fall with the cosine want a < 1, or light at grazing angles gets unbounded weight.
 struct HemisphereMap {
     double a = 1;
-    Vec3 direction(Vec2 square) const {
-        const Vec2 d = concentric_disc(square);
+    Vec3 direction(Vec2 square) const { return lifted(concentric_disc(square)); }
+    Vec3 lifted(Vec2 d) const { // from the disc
         const double r2 = dot(d, d), u = std::max(0.0, 1 - r2);
         if (a >= 1) return {d.x, d.y, std::sqrt(u)};
         // Solve a z^2 + (1 - a) z = u.

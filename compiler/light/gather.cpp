@@ -251,7 +251,8 @@ LuxelGather Bake::gather(std::uint32_t l, const LuxelKernel& kernel, const Guide
         const Vec2 to = guide.sample({numbers[0][i], numbers[1][i]}, &weights[i]);
         numbers[0][i] = to.x, numbers[1][i] = to.y;
     }
-    for (std::uint32_t i = 0; i < rays; ++i) directions[i] = map.direction({numbers[0][i], numbers[1][i]});
+    concentric_discs(numbers[0], numbers[1]);
+    for (std::uint32_t i = 0; i < rays; ++i) directions[i] = map.lifted({numbers[0][i], numbers[1][i]});
     for (std::uint32_t i = 0; i < rays; ++i) {
         const Vec3 local = directions[i];
         const Footprint::Point at = footprint.sample({numbers[2][i], numbers[3][i]});

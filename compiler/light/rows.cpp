@@ -34,7 +34,8 @@ HitCounts Bake::trace_rows() {
     std::vector<PaneRays> through(scene_.has_panes() ? counts.size() : 0);
     parallel_chunks(context_, "light: form factors", n, kChunk, [&](std::size_t begin, std::size_t end) {
         std::vector<Vec3> origins(m), directions(m);
-        std::vector<Vec2> squares(m);
+        std::array<std::vector<double>, 4> numbers; // two for where to, two for where from
+        for (std::vector<double>& of : numbers) of.resize(m);
         std::vector<std::optional<SceneHit>> found(m);
         for (std::size_t p = begin; p < end; ++p) {
             const Patch& patch = patches_.patches[p];
@@ -47,13 +48,14 @@ HitCounts Bake::trace_rows() {
             const Sobol points(seed_at(patch.centroid, 1));
             const HemisphereMap map = face.chart.valid() ? map_of(face.chart) : HemisphereMap{};
             // Each in a loop of its own: what one ray waits for, the next works on meanwhile.
-            for (std::uint32_t i = 0; i < m; ++i) squares[i] = points.pair(i, 0);
-            for (std::uint32_t i = 0; i < m; ++i) cells[p * m + i] = Guide::cell(map.from_cosine(squares[i]));
+            for (std::size_t d = 0; d < 4; ++d) points.first(numbers[d], static_cast<int>(d));
+            for (std::uint32_t i = 0; i < m; ++i) cells[p * m + i] = Guide::cell(map.from_cosine({numbers[0][i], numbers[1][i]}));
+            concentric_discs(numbers[0], numbers[1]);
             for (std::uint32_t i = 0; i < m; ++i) {
-                const Footprint::Point at = footprint.sample(points.pair(i, 2));
+                const Footprint::Point at = footprint.sample({numbers[2][i], numbers[3][i]});
                 const Frame frame = footprint.bent() ? frame_around(at.normal) : flat;
                 origins[i] = at.position + at.normal * scene_.push_off();
-                directions[i] = frame.world(cosine_hemisphere(squares[i]));
+                directions[i] = frame.world(HemisphereMap{}.lifted({numbers[0][i], numbers[1][i]}));
             }
             scene_.closest(origins, directions, found);
             HitCounts c{.rays = m};

@@ -18,6 +18,17 @@ SinCos sincos_turns(double turns) {
     }
 }
 
+void concentric_discs(std::span<double> xs, std::span<double> ys) {
+    double *x = xs.data(), *y = ys.data();
+    for (std::size_t i = 0; i < xs.size(); ++i) {
+        const double a = 2 * x[i] - 1, b = 2 * y[i] - 1;
+        const bool wide = std::abs(a) > std::abs(b);
+        const double r = wide ? a : b, beside = wide ? b : a, turn = std::numbers::pi / 4 * (beside / (r != 0 ? r : 1));
+        const double along = r * detail::cos_small(turn), across = r * detail::sin_small(turn);
+        x[i] = wide ? along : across, y[i] = wide ? across : along;
+    }
+}
+
 SphericalTriangle::SphericalTriangle(Vec3 a, Vec3 b, Vec3 c) : a_(normalize(a)), b_(normalize(b)) {
     const Vec3 to_c = normalize(c);
     cos_ab_ = dot(a_, b_);

@@ -2,6 +2,7 @@
 #pragma once
 #include "libs/math/vec.h"
 #include <numbers>
+#include <span>
 
 namespace kiln {
 
@@ -66,6 +67,9 @@ inline Vec2 concentric_disc(Vec2 u) {
     const double along = r * detail::cos_small(a), across = r * detail::sin_small(a);
     return {wide ? along : across, wide ? across : along};
 }
+
+// The same of many, in place; all of one length. A loop without a branch, which processors work on two at a time.
+void concentric_discs(std::span<double> x, std::span<double> y);
 
 // Direction around +z with density cos/pi; the disc above lifted to the sphere.
 inline Vec3 cosine_hemisphere(Vec2 u) {
