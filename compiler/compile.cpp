@@ -241,7 +241,7 @@ Result<Visibility> see(Hash key, std::span<const std::uint8_t> shut, const Visib
         throw;
     }
 }
-constexpr std::uint32_t kLightVersion = 48, kAmbientVersion = 22, kProbesVersion = 5, kDensityVersion = 21, kLumpsVersion = 2;
+constexpr std::uint32_t kLightVersion = 48, kAmbientVersion = 22, kProbesVersion = 5, kDensityVersion = 22, kLumpsVersion = 2;
 // A stage that takes over from a memo what comes to the same as in an earlier run with other lights.
 // Each table lies in the store by itself: most runs change small ones alone. make(whether there are memos)
 template <class T, class Make> Result<T> with_memo(Hash place, const std::vector<Memo*>& memos, const CompileRun& run, Context& context, const Make& make) {

@@ -22,15 +22,23 @@ constexpr double kAside = 0x1p-18;
 constexpr double kShortOfEnd = 1 - 0x1p-20; // what a ray ends on does not block it
 
 struct TraceScene::Data {
-    const World* world = nullptr;
-    const Surfaces* surfaces = nullptr;
     Vec3 center; // of the local frame, map units
     double push = kPushOffLeast;
     std::string isa;
     std::vector<float> vertices; // local frame, padded as Embree asks
     std::vector<std::uint32_t> indices;
-    std::vector<std::uint32_t> triangle_of; // primitive -> triangle of surfaces
-    std::vector<std::uint8_t> stops;        // per face
+    struct Primitive {
+        std::uint32_t triangle = 0; // of surfaces
+        FaceId face;
+    };
+    std::vector<Primitive> primitives;
+    struct Plane { // of a face, what a hit asks for: faces themselves lie too far apart in memory
+        Vec3 normal;
+        double distance = 0;
+        bool two_sided = false, sky = false;
+    };
+    std::vector<Plane> planes;       // per face
+    std::vector<std::uint8_t> stops; // per face
     RTCDevice device = nullptr;
     RTCScene scene = nullptr;
     std::unique_ptr<Panes> panes; // none: there are none
@@ -78,9 +86,9 @@ struct TraceScene::Data {
     }
     // In its place: a hit that is put together elsewhere and copied waits for its own writes.
     void resolve(Vec3 origin, Vec3 direction, std::uint32_t primitive, float t, SceneHit& hit) const {
-        hit.triangle = triangle_of[primitive];
-        hit.face = surfaces->triangle_face[hit.triangle];
-        const Face& face = surfaces->faces[hit.face.at()];
+        hit.triangle = primitives[primitive].triangle;
+        hit.face = primitives[primitive].face;
+        const Plane& face = planes[hit.face.at()];
         const double cosine = dot(face.normal, direction);
         const double exact = (face.distance - dot(face.normal, origin)) / cosine;
         // Nearly parallel to the face the quotient is worthless, and Embree's own distance is the better one.
@@ -130,8 +138,6 @@ struct TraceScene::Data {
 
 TraceScene::TraceScene(const World& world, const Surfaces& surfaces) : data_(std::make_unique<Data>()) {
     Data& d = *data_;
-    d.world = &world;
-    d.surfaces = &surfaces;
     Box3 box;
     for (const Vec3& p : surfaces.positions) box.add(p);
     if (!box.empty()) {
@@ -150,13 +156,15 @@ TraceScene::TraceScene(const World& world, const Surfaces& surfaces) : data_(std
     for (std::uint32_t f = 0; f < surfaces.faces.size(); ++f) {
         const Panes::Kind kind = panes->kind({f});
         const bool lets_through = kind == Panes::Kind::pane || kind == Panes::Kind::clear;
-        d.stops.push_back(!lets_through && (surfaces.faces[f].blocks_light || surfaces.faces[f].sky || kind == Panes::Kind::blocks));
+        const Face& face = surfaces.faces[f];
+        d.planes.push_back({face.normal, face.distance, face.two_sided, face.sky});
+        d.stops.push_back(!lets_through && (face.blocks_light || face.sky || kind == Panes::Kind::blocks));
     }
     for (std::size_t t = 0; t < surfaces.triangles.size(); ++t) {
         if (!d.stops[surfaces.triangle_face[t].at()]) continue;
         const auto& corner = surfaces.triangles[t];
         d.indices.insert(d.indices.end(), corner.begin(), corner.end());
-        d.triangle_of.push_back(static_cast<std::uint32_t>(t));
+        d.primitives.push_back({static_cast<std::uint32_t>(t), surfaces.triangle_face[t]});
     }
     // One instruction set for everybody: hits differ in their last bits between the classes {AVX2, AVX-512} and
     // {SSE4.2, AVX}. Only a processor without AVX2 gets the other one.
@@ -167,12 +175,12 @@ TraceScene::TraceScene(const World& world, const Surfaces& surfaces) : data_(std
     d.scene = rtcNewScene(d.device);
     rtcSetSceneFlags(d.scene, RTC_SCENE_FLAG_ROBUST);
     rtcSetSceneBuildQuality(d.scene, RTC_BUILD_QUALITY_HIGH);
-    if (!d.triangle_of.empty()) {
+    if (!d.primitives.empty()) {
         RTCGeometry geometry = rtcNewGeometry(d.device, RTC_GEOMETRY_TYPE_TRIANGLE);
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, d.vertices.data(), 0,
                                    3 * sizeof(float), surfaces.positions.size());
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, d.indices.data(), 0,
-                                   3 * sizeof(std::uint32_t), d.triangle_of.size());
+                                   3 * sizeof(std::uint32_t), d.primitives.size());
         rtcCommitGeometry(geometry);
         rtcAttachGeometry(d.scene, geometry);
         rtcReleaseGeometry(geometry);

@@ -234,6 +234,26 @@ TEST(Density, NoPlaceShowsMoreChangeThanTheBound) {
             }
 }
 
+// Fits are made in floats, of squares: nothing may depend on how bright the scene is as a whole. By powers of two not a bit does.
+TEST(Density, TheUnitOfLightChangesNothing) {
+    for (const RnmEncoding encoding : {RnmEncoding::dot, RnmEncoding::tilted}) {
+        Room room;
+        const Field field = waves(90, 3);
+        room.light(field, encoding, 2);
+        const Density d = room.coarse(2);
+        ASSERT_LT(d.flat.size(), room.surfaces.texel_count);
+        for (const float unit : {0x1p-7f, 0x1p24f}) {
+            room.light([&](Vec3 p, Vec3 n) { return field(p, n) * unit; }, encoding, 2);
+            const Density other = room.coarse(2);
+            ASSERT_EQ(other.flat.size(), d.flat.size());
+            ASSERT_EQ(other.rnm.size(), d.rnm.size());
+            for (std::size_t t = 0; t < d.flat.size(); ++t) ASSERT_EQ(other.flat[t], d.flat[t] * unit) << t;
+            for (std::size_t t = 0; t < d.rnm.size(); ++t)
+                for (std::size_t k = 0; k < 3; ++k) ASSERT_EQ(other.rnm[t][k], d.rnm[t][k] * unit) << t;
+        }
+    }
+}
+
 TEST(Density, TighterBoundsTakeMoreTexelsAndNoneLeavesAllAsItIs) {
     Room room(8);
     room.light(waves(120, 5), RnmEncoding::dot, 3);

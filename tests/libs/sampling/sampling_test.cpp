@@ -36,6 +36,16 @@ TEST(Sobol, EveryDimensionIsStratified) {
 
 // Scrambling makes each single point uniform: over many seeds, the mean and variance of point 0 and of the product
 // of point 3's coordinates are those of independent uniform numbers.
+TEST(Sobol, ManyAtOnceAreTheSame) {
+    const Sobol points(77);
+    for (int d = 0; d < kSobolDimensions; ++d)
+        for (const std::size_t n : {0u, 1u, 63u, 64u, 300u, 70000u}) {
+            std::vector<double> many(n);
+            points.first(many, d);
+            for (std::uint32_t i = 0; i < n; ++i) ASSERT_EQ(many[i], points(i, d)) << i << " of " << n;
+        }
+}
+
 TEST(Sobol, OverSeedsEachPointIsUniform) {
     constexpr int n = 40000;
     double sum = 0, square = 0, product = 0, neighbours = 0;
@@ -89,6 +99,18 @@ TEST(Maps, SineAndCosine) {
         const double t = i / 371.0;
         EXPECT_NEAR(sincos_turns(t).sin, std::sin(2 * std::numbers::pi * t), 4e-15);
         EXPECT_NEAR(sincos_turns(t).cos, std::cos(2 * std::numbers::pi * t), 4e-15);
+    }
+}
+
+TEST(Maps, DiscsOfManyPointsAreTheSame) {
+    std::vector<double> x{0.5, 0, 1, 0.5, 0.25, 0.75, 1}, y{0.5, 0, 1, 0.1, 0.25, 0.25, 0.5}; // the middle, corners, diagonals; an odd number
+    for (std::uint32_t i = 0; i < 1000; ++i) x.push_back(Sobol(3)(i, 0)), y.push_back(Sobol(3)(i, 1));
+    std::vector<double> across = x, down = y;
+    concentric_discs(across, down);
+    for (std::size_t i = 0; i < x.size(); ++i) {
+        const Vec2 one = concentric_disc({x[i], y[i]});
+        EXPECT_EQ(across[i], one.x) << x[i] << " " << y[i];
+        EXPECT_EQ(down[i], one.y) << x[i] << " " << y[i];
     }
 }
 
